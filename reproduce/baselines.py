@@ -17,9 +17,9 @@ import pandas as pd
 from repro.baselines.registry import PREDICTORS
 from repro.cli import compose, main
 from repro.cli.jobs import RESULTS, Job
-from repro.evaluation.analysis import gather
-from repro.evaluation.evaluate import evaluate_baseline, read_predictions
+from repro.evaluation.frames import gather
 from repro.evaluation.paired import paired_differences
+from repro.evaluation.scoring import evaluate_baseline, read_predictions
 from repro.networks.predictor import load_predictor
 from repro.recordings.datasets import grid_of
 from repro.recordings.reader import open_recordings

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from repro.evaluation.evaluate import measure
+from repro.evaluation.scoring import measure
 from repro.learning.networks.trained import load_trained
 from repro.maps.grid import Grid
 from repro.metrics.headings import METRICS

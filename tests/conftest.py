@@ -118,7 +118,7 @@ def recorded(tmp_path_factory) -> Path:
 @pytest.fixture(scope="session")
 def evaluated(recorded) -> Run:
     """Train and evaluate a U-Net for an epoch beside the recordings; tests may read it, and copy it to change it."""
-    from repro.evaluation.evaluate import evaluate  # these import torch
+    from repro.evaluation.scoring import evaluate  # these import torch
     from repro.learning.training import train
 
     config = run_config(max_epochs=1)

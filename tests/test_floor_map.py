@@ -58,7 +58,7 @@ def test_the_polygons_cover_all_cells_but_the_largest_free_area(tmp_path):
     solid = np.ones((80, 80), dtype=bool)
     solid[:60] = ~free[::-1]
     assert np.array_equal(covered(outlines), solid)
-    assert sum(shapely.Polygon(each).area for each in outlines) == pytest.approx(solid.sum() * CELL**2)
+    assert sum(shapely.Polygon(outline).area for outline in outlines) == pytest.approx(solid.sum() * CELL**2)
     assert (width, center) == (20, (7, 12))
 
 
@@ -77,7 +77,7 @@ def test_the_world_of_a_floor_can_be_recorded(tmp_path, monkeypatch, capsys):
     floor_map.main()
     assert "prediction.center=[7.0000,12.0000]" in capsys.readouterr().out
     (call,) = read_calls("--config-dir", str(tmp_path), "task=world", "world=my_map", "exp=people")
-    solid = covered([each.shape.vertices for each in call.specs["people"].fixed])
+    solid = covered([obstacle.shape.vertices for obstacle in call.specs["people"].fixed])
     start = sample_world(call.specs["people"], 0)["robot"]["state"]
     assert not solid[int(start[1] / CELL), int(start[0] / CELL)]
     with pytest.raises(SystemExit):

@@ -20,7 +20,7 @@ OF_THE_STUDY = (
 )
 WITHOUT_SIMULATOR = (
     "repro.learning.training",
-    "repro.evaluation.evaluate",
+    "repro.evaluation.scoring",
     "repro.recordings.reader",
 )
 
@@ -89,12 +89,11 @@ def test_the_library_does_not_import_the_study():
 
 def test_the_library_names_no_package_of_the_study():
     """Neither at the top of a module nor inside a function, where it would be imported late."""
-    allowed = {"networks.weights": {"huggingface_hub"}}  # with a message where it is absent
     named = {
-        f"{name} imports {each}"
+        f"{name} imports {package}"
         for name, tree in TREES.items()
         if package_of(name) in LIBRARY
-        for each in {other.split(".")[0] for other in imports_of(tree)} & set(OF_THE_STUDY) - allowed.get(name, set())
+        for package in {other.split(".")[0] for other in imports_of(tree)} & set(OF_THE_STUDY)
     }
     assert not named
 
@@ -104,7 +103,7 @@ def test_the_module_graph_has_no_cycle():
 
 
 def test_only_the_command_line_imports_hydra():
-    users = {name for name, tree in TREES.items() if any(each.split(".")[0] == "hydra" for each in imports_of(tree))}
+    users = {name for name, tree in TREES.items() if any(path.split(".")[0] == "hydra" for path in imports_of(tree))}
     assert users == {"cli.compose", "cli.main"}
 
 

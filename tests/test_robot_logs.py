@@ -55,7 +55,7 @@ def logs(tmp_path_factory):
 def test_the_measures_are_those_of_scikit_learn():
     rng = np.random.default_rng(0)
     hits, passed = rng.integers(0, 200, 500), rng.integers(50, 256, 3000)
-    counts = np.stack([np.bincount(each, minlength=256) for each in (hits, passed)])
+    counts = np.stack([np.bincount(values, minlength=256) for values in (hits, passed)])
     auroc, brier, _, found, free, error = measures.measures(counts, PROBABILITY)
     truth, level = np.repeat([0, 1], [500, 3000]), np.concatenate([hits, passed])
     assert auroc == pytest.approx(roc_auc_score(truth, level))
@@ -169,7 +169,7 @@ def test_a_pixel_is_compared_with_its_own_level_and_with_the_least_around_it():
     beside = levels.ravel()[measures.around(pixels, 9)]
     assert (beside[:, 4] == levels.ravel()[pixels]).all()
     groups = [clear, clear.within(above)]
-    own, within = (measures.count(each, groups, pixels) for each in (beside[:, 4], beside.min(1)))
+    own, within = (measures.count(place, groups, pixels) for place in (beside[:, 4], beside.min(1)))
     assert own[0][:, [0, 255]].tolist() == [[0, 2], [0, 11]]
     assert within[0][:, [0, 255]].tolist() == [[1, 1], [3, 8]]
     assert within[1][:, [0, 255]].tolist() == [[1, 1], [0, 2]]
@@ -204,9 +204,9 @@ def test_the_robot_drives_as_far_as_in_the_training_or_past_ten_scans(logs, name
     predictor = load_predictor(ROOT / "reproduce" / "results" / name)
     for log, most in zip(logs, (1.15, 1.15 if path_m > 10 else 2.2), strict=True):  # turns make paths shorter or longer
         windows = [case.window for case in real_logs.driving(log, predictor)]
-        paths = [np.linalg.norm(np.diff(each.scans.poses[:, :2], axis=0), axis=1).sum() for each in windows]
+        paths = [np.linalg.norm(np.diff(window.scans.poses[:, :2], axis=0), axis=1).sum() for window in windows]
         assert 0.7 * path_m < np.median(paths) < most * path_m
-        assert all(len(np.unique(each.scans.poses, axis=0)) >= 10 for each in windows)
+        assert all(len(np.unique(window.scans.poses, axis=0)) >= 10 for window in windows)
 
 
 def standing_lidar(people: bool) -> ScanLog:
@@ -270,8 +270,8 @@ def test_a_network_is_adapted_to_logs_of_other_places_and_compared(logs, tmp_pat
     assert len(table) == 2 * 5 * 3 * (1 + 2)  # scores, maps, pixels; their mean and two logs
     key = ["score", "map", "pixels"]
     names = table["logs"].unique().tolist()
-    mean, *each = (table[table["logs"] == log].set_index(key).sort_index() for log in names)
-    assert mean["auroc"].to_numpy() == pytest.approx(np.mean([rows["auroc"] for rows in each], axis=0), abs=1e-4)
+    mean, *logs = (table[table["logs"] == log].set_index(key).sort_index() for log in names)
+    assert mean["auroc"].to_numpy() == pytest.approx(np.mean([rows["auroc"] for rows in logs], axis=0), abs=1e-4)
     for name in ("hits", "passed"):
         counts = mean[name].unstack()
         assert (counts["seen"] + counts["unseen"] == counts["all"]).all()

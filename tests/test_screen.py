@@ -19,7 +19,7 @@ from repro.worlds.spec import world_spec
 @pytest.mark.parametrize("name", FAMILIES)
 def test_a_family_has_other_worlds_than_the_papers_in_its_experiments_only(name):
     world = world_of(FAMILIES[name])
-    same = {each for each in STATIC + MOVING if are_papers(spec_fingerprint(world_spec(world, each)))}
+    same = {experiment for experiment in STATIC + MOVING if are_papers(spec_fingerprint(world_spec(world, experiment)))}
     assert same == (set(STATIC + MOVING) - set(FAMILIES[name].experiments) if name != "paper" else {*STATIC, *MOVING})
 
 

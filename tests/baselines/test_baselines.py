@@ -12,7 +12,7 @@ from repro.baselines import registry, tracker
 from repro.baselines.occupancy_grids import log_odds_grid, observation, transitional_grid
 from repro.baselines.registry import PREDICTORS, climb, dilate, steps_since_free
 from repro.baselines.titles import BASELINES
-from repro.evaluation.evaluate import evaluate
+from repro.evaluation.scoring import evaluate
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
 from repro.metrics.counts import counts_of, pooled_scores
@@ -143,7 +143,7 @@ PRIOR = tracker.Prior(radius_m=2.0, spread_m=0.5, aspect=1.4, speed_m_s=1.0, joi
 def window(ranges):
     """Return ranges (T, N) as scans of a robot at (5, 25) that looks along x."""
     poses = np.tile([5.0, 25.0, 0.0], (len(ranges), 1))
-    return Scans(np.stack([np.asarray(each, dtype=float) for each in ranges]), ANGLES, poses)
+    return Scans(np.stack([np.asarray(scan, dtype=float) for scan in ranges]), ANGLES, poses)
 
 
 def test_hits_are_clustered_in_space_and_time():
@@ -151,7 +151,7 @@ def test_hits_are_clustered_in_space_and_time():
     none = np.full_like(both, np.inf)
     found = tracker.clusters(window([both] * 21 + [none] * 60 + [both] * 21), 0.1, 1.5)
     assert len(found) == 4
-    assert sorted({round(float(each.hits[:, 2].min()), 1) for each in found}) == [-10.0, -2.0]  # [s]
+    assert sorted({round(float(cluster.hits[:, 2].min()), 1) for cluster in found}) == [-10.0, -2.0]  # [s]
     assert tracker.clusters(window([none] * 21), 0.1, 1.5) == []
 
 

@@ -70,7 +70,7 @@ def test_the_grid_has_the_size_of_the_world():
     assert Job(config).config.data.size_m == 100
 
 
-@pytest.mark.parametrize(("task", "refused"), [("all", True), ("train", True), ("plan", True), ("record", False)])
+@pytest.mark.parametrize(("task", "refused"), [("all", True), ("train", True), ("record", False)])
 def test_only_a_training_needs_as_many_pairs_as_its_batches(task, refused):
     call = ("scale=laptop", "scale.pairs.train=2", f"task={task}")
     if refused:

@@ -38,7 +38,7 @@ def test_lost_beams_hide_no_obstacle_if_they_are_invalid_and_many_if_they_are_mi
     predictor, log = load_predictor(WEIGHTS), np.load(EXAMPLE)
     ranges, poses = log["ranges"][:100], log["poses"][:100]
     lost = np.random.default_rng(0).random(ranges.shape) < 0.25
-    windows = [Scans(each, log["angles"], poses) for each in (ranges, np.where(lost, reading, ranges))]
+    windows = [Scans(read, log["angles"], poses) for read in (ranges, np.where(lost, reading, ranges))]
     before, after = (predictor.predict(window)[0] < 0.5 for window in windows)
     assert least <= (before & after).sum() / (before | after).sum() <= most
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
-from repro.demo import networks, page
-from repro.demo.runtime import Runtime
+from repro.demo import demo_page, networks
+from repro.demo.runtime import WebRuntime
 from repro.maps.grid import Grid
 from repro.networks.onnx_files import OnnxNetwork
 from repro.networks.predictor import load_predictor
@@ -19,7 +19,7 @@ def test_a_named_network_is_embedded_as_it_is_under_the_name_of_its_card():
     shown = networks.demo_network("exp4", EXP4)
     assert shown.title == "ConvGRU, experiment 4, obstacle IoU 0.66; sees hits and free pixels of 10 times"
     assert shown.onnx == EXP4.network.content
-    html = page.render([shown], Runtime("run </script>", b""))
+    html = demo_page.render([shown], WebRuntime("run </script>", b""))
     settings = json.loads(html.split('id="settings">')[1].split("</script>")[0])
     assert settings["networks"][0]["title"] == shown.title
     assert settings["runtime"] == "run </script>"
@@ -50,7 +50,7 @@ def test_a_network_of_torch_without_a_card_is_exported_under_its_own_name(tmp_pa
 def test_a_network_of_other_maps_or_windows_is_refused(changes, problem):
     predictor = dataclasses.replace(EXP4, **changes)
     with pytest.raises(ValueError, match=problem.replace("exp4", "experiment 4")):
-        page.render([networks.demo_network("exp4", predictor)], Runtime("", b""))
+        demo_page.render([networks.demo_network("exp4", predictor)], WebRuntime("", b""))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from conftest import world_spec
 
-from repro.demo.page import ASSETS
+from repro.demo.demo_page import ASSETS
 from repro.demo.worlds import FILE, describe, describe_world
 from repro.maps.encodings import create_encoding, to_input
 from repro.maps.grid import Grid
@@ -62,7 +62,7 @@ def compared(tmp_path_factory):
         pytest.skip("no Node.js on this machine (Debian: apt install nodejs)")
     recorded = [record("1", 5, False), record("2", 6, True), record("3", 7, True), *[record("4", 8, r) for r in (0, 1)]]
     path = tmp_path_factory.mktemp("demo") / "recordings.json"
-    path.write_text(json.dumps([plain(*each) for each in recorded]))
+    path.write_text(json.dumps([plain(*arguments) for arguments in recorded]))
     command = [node, str(Path(__file__).with_name("check_modules.mjs")), str(ASSETS), str(path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr

@@ -2,8 +2,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from repro.evaluation.evaluate import measure
 from repro.evaluation.paired import paired_differences
+from repro.evaluation.scoring import measure
 from repro.metrics.headings import SUMMARY
 
 MAPS = (np.random.default_rng(0).random((40, 1, 16, 16)) > 0.1).astype(np.uint8)

@@ -82,9 +82,9 @@ def test_labels_are_free_obstacle_or_unknown_and_of_separate_parts_of_the_log(lo
     train, val = label(log, window_of(PREDICTOR), PREDICTOR, View(), seed=0)
     assert 21 <= len(train.pairs) <= 27  # through three views
     assert 7 <= len(val.pairs) <= 9  # of the last 12 s
-    for each in (train, val):
-        assert each.pairs.maps.unique().tolist() == [0, 1, UNKNOWN]
-        assert each.statistics.quantiles["fov_deg"][2] == pytest.approx(90, abs=1)
+    for part in (train, val):
+        assert part.pairs.maps.unique().tolist() == [0, 1, UNKNOWN]
+        assert part.statistics.quantiles["fov_deg"][2] == pytest.approx(90, abs=1)
 
 
 def test_a_log_that_is_too_short_is_refused(log):
@@ -154,7 +154,7 @@ def test_where_something_that_moves_can_be_is_marked():
         recording = rehearsal._recorded(spec, range(seed, seed + 40, 10))
         codes = rehearsal._window(recording, spec, grid)[1]
         seen = list(rehearsal._seen(recording, spec))
-        lost += any(each.is_lost for each in seen)
+        lost += any(mover.is_lost for mover in seen)
         marked, known = (codes & MOVER) > 0, codes & UNKNOWN == 0
         obstacles = known & (codes & 1 == 0)
         assert marked.any() == (len(seen) > 0)

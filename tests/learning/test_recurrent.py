@@ -33,7 +33,7 @@ def test_every_image_affects_the_prediction(network_class):
     images[range(1, 9), range(8), 10:20, 10:20] = 1
     with torch.inference_mode():
         empty, *shown = network(images)
-    assert all((empty - each).abs().max() > 1e-3 for each in shown)
+    assert all((empty - image).abs().max() > 1e-3 for image in shown)
 
 
 @both

@@ -60,7 +60,7 @@ def test_the_windows_of_a_stream_are_those_of_the_log(stamps):
     expected = stream_windows(stamps)
     try:
         log = collect(scans, "log", WINDOWS)  # type: ignore[arg-type]
-        windows = [each for each in cut(log, WINDOWS, 1e-9, 50.0) if isinstance(each, Window)]
+        windows = [window for window in cut(log, WINDOWS, 1e-9, 50.0) if isinstance(window, Window)]
     except ValueError as error:  # too few scans, or too short for a window
         if "prediction.spacing=distance" not in str(error):
             assert not expected.keys() & set(kept(stamps))  # but those of wrong times, as the scans after them tell

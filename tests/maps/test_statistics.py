@@ -19,7 +19,7 @@ def windows() -> Scans:
     poses = np.zeros((2, 4, 3))
     poses[..., :2] = 1.5
     poses[0, :, :2] = 5.5
-    poses[0, :, 2] = [0, 3, -3, -3]  # 3, then 0.283 across half a turn
+    poses[0, :, 2] = [0, 3, -3, 3]  # 3, then 0.283 across half a turn and back
     poses[1, :, 0] += np.arange(4)
     return Scans(ranges, np.radians([-45.0, 0.0, 45.0]), poses).batched()
 
@@ -27,7 +27,7 @@ def windows() -> Scans:
 def test_the_statistics_of_two_windows_by_hand():
     values = measure(windows(), GRID)
     assert set(values) == set(TITLES)
-    turn = np.degrees(3 + 2 * np.pi - 6)
+    turn = np.degrees(3 + 2 * (2 * np.pi - 6))
     expected = {
         "hit_share": [4 / 12, 4 / 12],
         "occupied_share": [0.04, 0.04],
@@ -58,6 +58,11 @@ def test_quantiles_are_those_of_all_windows_with_a_hit():
     assert found.windows == 49
     assert found.quantiles["hit_share"] == pytest.approx(np.quantile(share, LEVELS), rel=1e-5)
     assert found.range_of("hit_share") == pytest.approx((share.min(), share.max()), rel=1e-5)
+    assert found.quantiles["hit_share"][2] == pytest.approx(np.median(share), rel=1e-5)
+    other = dataclasses.replace(found, windows=1, quantiles={"hit_share": (0.0, 0.1, 0.2, 0.3, 0.4)})
+    both = found.widened(other)
+    assert (both.windows, both.range_of("hit_share")) == (50, (0.0, found.range_of("hit_share")[1]))
+    assert both.quantiles["hit_share"][1:-1] == found.quantiles["hit_share"][1:-1]
 
 
 def test_windows_outside_the_training_are_named():

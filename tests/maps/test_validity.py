@@ -32,6 +32,7 @@ def check(ranges=RANGES, angles=ANGLES, poses=POSES, **options):
         {"ranges": np.where(np.arange(30) == 7, RANGES, np.inf)},
         {"ranges": RANGES + np.inf},  # an empty place
         {"ranges": RANGES + 60},  # one whose walls are beyond the map
+        {"ranges": RANGES * 25},  # whose median is 300 m
         {"ranges": np.stack([RANGES, RANGES - 1]), "poses": np.stack([POSES, POSES])},
         {"poses": with_value(POSES, 51.0, (slice(9), 0))},  # it comes from outside the map
     ],
@@ -53,6 +54,7 @@ def test_scans_of_a_lidar_on_the_map_are_accepted(scans):
         ({"poses": with_value(POSES, np.inf)}, "1 of 60 poses are not finite"),
         ({"poses": with_value(POSES, np.nan)}, "1 of 60 poses are not finite"),
         ({"poses": POSES + np.array([0, 0, 270])}, "headings are beyond ten turns: expected radians"),
+        ({"poses": POSES - np.array([0, 0, 270])}, "headings are beyond ten turns: expected radians"),
         ({"poses": POSES + np.linspace(-50, 50, len(POSES))[:, None] * [0, 0, 1]}, "headings that jump at most steps"),
     ],
 )

@@ -17,7 +17,7 @@ def measured(shares, worlds=200, pixels=400, seed=0):
 
 
 def value_of(table, metric):
-    return vars(next(each for each in table if each.metric == metric))
+    return vars(next(row for row in table if row.metric == metric))
 
 
 def test_the_first_row_is_the_measured_value():

@@ -19,7 +19,7 @@ from repro.navigation.courses import LIMIT_STEPS, TURN_STEPS, WAY, Course, sampl
 from repro.navigation.episodes import FAR_M, Fleet, moved, nearest
 from repro.navigation.mappers import AHEAD_S, CLASSICAL, Mapper, Seen, network_mapper, tracker_mapper
 from repro.navigation.planner import Planner, Settings, arcs
-from repro.reporting.navigation import TITLES, barn, compare_mappers
+from repro.reporting.navigation_tables import TITLES, barn, compare_mappers
 from repro.simulation.simulator import make
 from repro.system.errors import InputError
 from repro.system.files import read_mapping
@@ -211,8 +211,8 @@ def test_where_a_robot_is_hit():
     beside = course((10.0, 35.0, 2.0, -3.0))
     mapper = Mapper(blind)
     found = Fleet(SPECS["static"], [ahead, behind, beside], mapper, USUAL, GRID).drive()
-    assert [each.outcome for each in found] == ["collision"] * 3
-    assert [each.contact for each in found] == ["in view", "behind", "beside"]
+    assert [episode.outcome for episode in found] == ["collision"] * 3
+    assert [episode.contact for episode in found] == ["in view", "behind", "beside"]
     assert found[0].clearance_m < 0.5
 
 
@@ -252,9 +252,9 @@ TRACKER = {"near_m": 0.7, "coast_s": 5.0, "margin_m": 0.0, "free_steps": 50, "ra
 }  # fmt: skip
 
 
-def mapped(mapper: Mapper, each: Course, **settings: float) -> np.ndarray:
+def mapped(mapper: Mapper, driven: Course, **settings: float) -> np.ndarray:
     """Return the first map of a mapper after the turn, (H, W)."""
-    fleet = Fleet(SPECS["static"], [each], mapper, {**USUAL, **settings}, GRID)
+    fleet = Fleet(SPECS["static"], [driven], mapper, {**USUAL, **settings}, GRID)
     for step in range(1, TURN_STEPS + 1):
         fleet._move(np.array([0]), step)
     return mapper.maps(fleet.seen, np.array([0]), **settings)[0, 0]
@@ -262,7 +262,7 @@ def mapped(mapper: Mapper, each: Course, **settings: float) -> np.ndarray:
 
 def test_the_maps_of_all_arms_show_what_was_seen():
     ahead, behind = (20.0, 25.0, 0.0, 0.0), (4.4, 25.0, 0.0, 0.0)
-    each = course(ahead, behind)
+    chosen = course(ahead, behind)
     near = np.s_[63 - int(25 / GRID.resolution_m), [int(19.2 / GRID.resolution_m), int(5.1 / GRID.resolution_m)]]
     free = np.s_[63 - int(25 / GRID.resolution_m), int(15 / GRID.resolution_m)]
     both, only_ahead = [True, True], [True, False]
@@ -276,7 +276,7 @@ def test_the_maps_of_all_arms_show_what_was_seen():
         (tracker_mapper(TRACKER), {}, both),
         (CLASSICAL["truth"], {}, both),
     ]:
-        occupied = mapped(mapper, each, **settings)
+        occupied = mapped(mapper, chosen, **settings)
         assert list(occupied[near] > 0.5) == expected, mapper
         assert occupied[free] < 0.1, mapper
 
@@ -305,18 +305,18 @@ def test_an_episode_that_is_replayed_with_shapely_ends_the_same():
         paths.append(fleet.poses[:, :2].copy())
 
     fleet._move = recording
-    for index, (episode, each) in enumerate(zip(fleet.drive(), courses, strict=True)):
+    for index, (episode, driven) in enumerate(zip(fleet.drive(), courses, strict=True)):
         last = TURN_STEPS + round(episode.time_s / 0.1)
-        gaps = [gap(each, step, paths[step - 1][index]) for step in range(1, last + 1)]
+        gaps = [gap(driven, step, paths[step - 1][index]) for step in range(1, last + 1)]
         assert (min(gaps) < 0.5) == (episode.outcome == "collision")
         assert min(gaps[:-1]) >= 0.5
         if episode.outcome == "goal":
-            assert np.hypot(*(paths[last - 1][index] - each.goals[-1])) < 1
+            assert np.hypot(*(paths[last - 1][index] - driven.goals[-1])) < 1
 
 
-def gap(each: Course, step: int, place: np.ndarray) -> float:
+def gap(driven: Course, step: int, place: np.ndarray) -> float:
     """Return the distance of a place to the nearest obstacle of a course [m]."""
-    shapes = (shapely.Polygon(placed(o, s)) for o, s in zip(each.outlines, each.states[:, step], strict=True))
+    shapes = (shapely.Polygon(placed(o, s)) for o, s in zip(driven.outlines, driven.states[:, step], strict=True))
     return min(shapely.distance(shape, shapely.Point(place)) for shape in shapes)
 
 
@@ -341,7 +341,7 @@ def test_a_study_goes_on_where_it_was_left(tmp_path, monkeypatch):
     assert len(driven) == before
     own.run(trials.Seeds(validation=2, test=4, curve=1), {"commit": "1"})
     steps = read_mapping(tmp_path / "truth" / trials.ORIGIN, "")["steps"]
-    assert [each["commit"] for each in steps] == ["1", "1"], "nothing was driven in between"
+    assert [step["commit"] for step in steps] == ["1", "1"], "nothing was driven in between"
     assert driven[before:] == [(name, trials.FIRST["test"] + 3, 0.8) for name in SPECS]
     one = trials.Trials(tmp_path, "truth", CLASSICAL["truth"], {"fast": SPECS["fast"]}, GRID, inflations_m=(0.8, 1.6))
     assert set(one.episodes("test", {**USUAL, "inflation_m": 0.8}, 3)["experiment"]) == {"fast"}

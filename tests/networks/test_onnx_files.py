@@ -11,7 +11,7 @@ from onnx import TensorProto, numpy_helper
 
 from repro.learning.networks.convgru import ConvGRU
 from repro.learning.networks.convlstm import ConvLSTM
-from repro.learning.networks.export import TOLERANCE
+from repro.learning.networks.onnx_export import TOLERANCE
 from repro.learning.networks.trained import TorchNetwork, export_onnx
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
@@ -56,9 +56,9 @@ def test_a_file_holds_the_whole_predictor(exported):
     assert (again.encoding, again.grid, again.statistics) == (predictor.encoding, predictor.grid, STATISTICS)
     for batch in (1, 2, 7):
         images = np.random.default_rng(batch).integers(0, 256, (batch, 2, 32, 32), np.uint8)
-        found, expected = (each.predict_images([images]) for each in (again, predictor))
+        found, expected = (one.predict_images([images]) for one in (again, predictor))
         np.testing.assert_allclose(found, expected, atol=1e-4)
-    properties = {each.key: each.value for each in onnx.load(path).metadata_props}
+    properties = {entry.key: entry.value for entry in onnx.load(path).metadata_props}
     assert set(properties) == {DESCRIPTION, "repro.model_card"}
     assert properties["repro.model_card"] == "# Card"
     with pytest.raises(ValueError, match="the network is in ONNX Runtime"):

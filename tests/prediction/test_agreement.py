@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from repro.maps.grid import Grid
-from repro.prediction.agreement import LAST_HIT, LAST_PASSED, NEVER_SEEN, SURE, compare, last_hits, log_loss, observed
+from repro.prediction.agreement import (
+    LAST_HIT,
+    LAST_PASSED,
+    NEVER_SEEN,
+    SURE,
+    compare_with_scans,
+    last_hits,
+    log_loss,
+    observed,
+)
 from repro.prediction.windows import Window
 from repro.scans import Scans
 
@@ -43,7 +52,7 @@ def test_the_log_loss_is_of_the_pixels_themselves():
 
 def test_a_map_is_compared_with_one_of_the_last_hits_on_the_next_scan_and_on_held_out_beams():
     window = Window(1, 0.0, wall(5), (0.0, 0.0), wall(5), Scans(wall(5).ranges, ANGLES + math.pi, POSE))
-    losses = compare(window, np.full((100, 100), 0.5), GRID, 30.0)
+    losses = compare_with_scans(window, np.full((100, 100), 0.5), GRID, 30.0)
     names = ["next_scan_log_loss", "next_scan_last_hits_log_loss", "held_out_log_loss", "held_out_last_hits_log_loss"]
     assert list(losses) == names
     shown = observed(wall(5), GRID, 30.0)
@@ -56,13 +65,13 @@ def test_a_map_is_compared_with_one_of_the_last_hits_on_the_next_scan_and_on_hel
         never / (shown.hits.sum() + shown.passed.sum()), rel=0.05
     )
     assert losses["held_out_log_loss"] == pytest.approx(math.log(2))
-    assert compare(Window(1, 0.0, wall(5), (0.0, 0.0), None), np.ones((100, 100)), GRID, 30.0) == {}
+    assert compare_with_scans(Window(1, 0.0, wall(5), (0.0, 0.0), None), np.ones((100, 100)), GRID, 30.0) == {}
 
 
 def test_invalid_readings_are_not_compared():
     scan = wall(5)
     scan.ranges[0, :50] = np.nan
-    half, whole = (observed(each, GRID, 30.0) for each in (scan, wall(5)))
+    half, whole = (observed(one, GRID, 30.0) for one in (scan, wall(5)))
     assert 0 < half.hits.sum() < whole.hits.sum()
     assert 0 < half.passed.sum() < 0.6 * whole.passed.sum()
 

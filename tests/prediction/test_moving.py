@@ -62,6 +62,6 @@ def test_a_scan_that_stands_for_several_steps_counts_once():
     repeated = Scans(window.ranges[index], ANGLES, window.poses[index])
     once = Scans(window.ranges[::10], ANGLES, window.poses[::10])
     assert len(parts_of_window(window, GRID, RANGE_M)[0]) == PARTS
-    for ours, others in zip(*(parts_of_window(each, GRID, RANGE_M) for each in (repeated, once)), strict=True):
+    for ours, others in zip(*(parts_of_window(window, GRID, RANGE_M) for window in (repeated, once)), strict=True):
         assert len(ours) == STEPS / 10
         assert np.array_equal(ours, others)

@@ -62,15 +62,15 @@ def test_every_map_is_that_of_the_window_of_the_log(predictor, center):
     log = ScanLog(LOG.stamps[:20], LOG.ranges[:20], ANGLES, LOG.poses[:20])
     stream, expected = PredictionStream(predictor, ANGLES, center=center, steps=STEPS), windows(log, center)
     maps = feed(stream, log.stamps)
-    assert [each is None for each in maps] == [number < STEPS - 1 for number in range(20)]
+    assert [found is None for found in maps] == [number < STEPS - 1 for number in range(20)]
     encoded = []
-    for each in maps[STEPS - 1 :]:
-        window = expected[each.stamp]
-        assert np.array_equal(each.free, predictor.predict(window.scans)[0])
-        assert (each.origin, each.resolution_m) == (window.origin, GRID.resolution_m)
+    for found in maps[STEPS - 1 :]:
+        window = expected[found.stamp]
+        assert np.array_equal(found.free, predictor.predict(window.scans)[0])
+        assert (found.origin, found.resolution_m) == (window.origin, GRID.resolution_m)
         encoded.append(predictor.encoding.encode(window.scans.batched(), GRID))
     together = predictor.predict_images(encoded)[:, 0]
-    assert np.array_equal(together, np.stack([each.free for each in maps[STEPS - 1 :]]))
+    assert np.array_equal(together, np.stack([found.free for found in maps[STEPS - 1 :]]))
 
 
 @pytest.mark.parametrize("rate", [7, 23])
@@ -111,7 +111,7 @@ def test_a_scan_that_is_not_later_is_left_out_and_a_clock_set_back_begins_again(
     assert np.array_equal(before.free, expected[20].free)
     assert np.array_equal(after.free, expected[21].free)
     again = feed(stream, np.arange(0, 1.95, 0.1))
-    assert [each is None for each in again] == [True] * 9 + [False] * 11
+    assert [found is None for found in again] == [True] * 9 + [False] * 11
     assert np.array_equal(again[15].free, expected[15].free)
 
 
@@ -358,12 +358,12 @@ def test_a_fast_lidar_has_a_map_at_any_time(small):
 def test_a_stream_is_copied_and_pickled_with_its_scans():
     stream = PredictionStream(load_predictor("rooms"), LOG.angles, steps=STEPS)
     feed(stream, LOG.stamps[:15])
-    copies = [copy.copy, copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))]  # noqa: S301
+    copies = [copy.copy, copy.deepcopy, lambda stream: pickle.loads(pickle.dumps(stream))]  # noqa: S301
     expected, *found = (
         one.update(LOG.ranges[15], LOG.poses[15], LOG.stamps[15])
         for one in (*(make(stream) for make in reversed(copies)), stream)
     )
-    assert all(np.array_equal(each.free, expected.free) for each in found)
+    assert all(np.array_equal(one.free, expected.free) for one in found)
 
 
 def test_objects_are_described_in_a_line(small):

@@ -5,10 +5,12 @@ import pytest
 
 from repro.logs.options import WindowSettings
 from repro.logs.scan_log import ScanLog
-from repro.prediction.windows import Window, cut
+from repro.maps.statistics import Statistics
+from repro.prediction.windows import Window, cut, spaced_by_distance
 
 WINDOWS = WindowSettings(steps=10)
 PLACE = (0.5, 50.0)  # stride [s] and side of the map [m]
+NO_PATH = {"path_m": (0.0,) * 5}
 
 
 def log_of(stamps: np.ndarray) -> ScanLog:
@@ -68,13 +70,13 @@ def test_the_map_is_centered_as_asked(center, origins):
 def test_a_gap_divides_a_log():
     stamps = np.concatenate([np.arange(0, 2, 0.1), np.arange(3, 3.5, 0.1), np.arange(5000.05, 5001.6, 0.1)])
     found = list(cut(log_of(stamps), WINDOWS, *PLACE))
-    windows = [each for each in found if isinstance(each, Window)]
+    windows = [part for part in found if isinstance(part, Window)]
     assert [window.number for window in windows] == [1, 2, 3, 4, 5]
     assert [window.stamp for window in windows] == pytest.approx([0.9, 1.4, 1.9, 5000.95, 5001.45])
     assert windows[2].following is None, "the scan after the gap is not the next one"
     assert windows[3].following.ranges[0, 0] == pytest.approx(5001.05)
     assert windows[3].scans.ranges[:, 0] == pytest.approx(np.arange(5000.05, 5001, 0.1))
-    assert [each for each in found if isinstance(each, str)] == [
+    assert [part for part in found if isinstance(part, str)] == [
         "no scans for 1.1 s before 3.00 s",
         "0.4 s of scans from 3.00 s, a window takes 0.9 s",
         "no scans for 4996.7 s before 5000.05 s",
@@ -83,7 +85,7 @@ def test_a_gap_divides_a_log():
 
 def test_a_clock_that_is_set_back_divides_a_log():
     found = list(cut(log_of(np.concatenate([np.arange(0, 1.05, 0.1), np.arange(-20, -18.95, 0.1)])), WINDOWS, *PLACE))
-    assert [each for each in found if isinstance(each, str)] == ["the time goes back by 21.0 s to -20.00 s"]
+    assert [part for part in found if isinstance(part, str)] == ["the time goes back by 21.0 s to -20.00 s"]
 
 
 def test_a_short_log_is_refused():
@@ -111,6 +113,17 @@ def test_a_window_of_a_cropped_log_has_the_other_beams_of_its_last_scan():
         assert np.isnan(held_out[1:4]).all()
         assert held_out[[0, 4]] == pytest.approx(window.scans.ranges[-1, [0, 4]])
         assert cropped.held_out.poses == pytest.approx(window.scans.poses[-1:])
+
+
+def test_windows_spaced_by_distance_are_as_long_as_those_of_the_training():
+    log, usual = log_of(0.5 * np.arange(61)), Statistics(1, {"path_m": (1.0, 2.0, 10.0, 20.0, 30.0)})  # 0.5 m a scan
+    found = spaced_by_distance(log, WINDOWS, usual)
+    assert (found.spacing, found.step_s) == ("distance", pytest.approx(2.0))  # 10 steps of two scans are 10 m
+    short = replace(usual, quantiles={"path_m": (0.0, 0.0, 0.1, 1.0, 1.0)})
+    assert spaced_by_distance(log, WINDOWS, short).step_s == pytest.approx(1.0), "ten different scans"
+    for standing, statistics in ((replace(log, poses=0 * log.poses), usual), (log, replace(short, quantiles=NO_PATH))):
+        with pytest.raises(ValueError, match="its scans cannot be spaced by distance"):
+            spaced_by_distance(standing, WINDOWS, statistics)
 
 
 def test_refusals_of_windows_spaced_by_distance_count_scans():

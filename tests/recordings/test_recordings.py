@@ -155,7 +155,7 @@ def test_the_fingerprint_depends_on_every_parameter():
     spec = world_spec("3")
     behavior = {**spec.raw["obstacles"]["behavior"], "speed_m_s": [0.2, 0.8]}
     changes = {"obstacles": {"behavior": behavior}}, {"experiment": "4"}, {"motion": {"turned_rad": 0.0}}
-    assert len({spec_fingerprint(each) for each in (spec, *(world_spec("3", **change) for change in changes))}) == 4
+    assert len({spec_fingerprint(other) for other in (spec, *(world_spec("3", **change) for change in changes))}) == 4
 
 
 def test_a_full_disk_leaves_complete_shards_only(tmp_path, monkeypatch):

@@ -99,8 +99,8 @@ def test_all_combinations_must_hold_or_most_if_the_claim_says_so():
     ours, paper = rows_of(e1=0.9, e2=0.9, e3=0.5), rows_of(e1=0.9, e2=0.9, e3=0.9)
     over = {"exp": ["1", "2", "3"], "metric": ["accuracy"]}
     for most, expected in ((False, Verdict.not_reproduced), (True, Verdict.reproduced)):
-        each = claim(lambda n, exp, metric: n.table(metric, exp) - 0.8, over, most=most, tolerance={"accuracy": 0.01})
-        row = verdict(each, ours, paper)
+        judged = claim(lambda n, exp, metric: n.table(metric, exp) - 0.8, over, most=most, tolerance={"accuracy": 0.01})
+        row = verdict(judged, ours, paper)
         assert (row["verdict"], row["held"], row["combinations"]) == (expected, 2, 3)
     assert row["value"] == pytest.approx(0.1)  # the median one
 

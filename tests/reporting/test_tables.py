@@ -8,7 +8,7 @@ from conftest import fake_run, fake_study, run_config
 from repro.metrics.headings import METRICS, TABLE_METRICS
 from repro.reporting.paper import read_paper, targets
 from repro.reporting.results import read_results
-from repro.reporting.tables import Table, caption, compare, make_tables, missing, not_shown, write_tables
+from repro.reporting.tables import Table, caption, compare_with_paper, make_tables, missing, not_shown, write_tables
 from repro.runs.config import PROJECTION, PROJECTION_NO_DECAY, EncodingChoice
 from repro.runs.model import NETWORKS
 from repro.runs.outputs import Outputs
@@ -18,7 +18,7 @@ SERIES = EncodingChoice("series10", {"frames": 10, "range_max_m": 30.0})
 
 def test_every_metric_is_compared_with_the_papers(tmp_path):
     fake_study(tmp_path)
-    table = compare(read_results(Outputs(tmp_path)), PROJECTION)
+    table = compare_with_paper(read_results(Outputs(tmp_path)), PROJECTION)
     expected = ["experiment", "model", "encoding", "seeds"]
     for metric in TABLE_METRICS:
         expected += [metric, f"paper_{metric}", f"delta_{metric}"]
@@ -36,7 +36,7 @@ def test_every_metric_is_compared_with_the_papers(tmp_path):
 
 def test_several_seeds_give_mean_and_deviation(tmp_path):
     fake_study(tmp_path, seeds=(0, 1, 2))
-    table = compare(read_results(Outputs(tmp_path)), PROJECTION).set_index("model")
+    table = compare_with_paper(read_results(Outputs(tmp_path)), PROJECTION).set_index("model")
     assert table.loc["unet", "seeds"] == table.loc["average", "seeds"] == 3
     assert table.loc["unet", "ssim"] == pytest.approx(0.51)
     assert table.loc["unet", "std_ssim"] == pytest.approx(0.01)
@@ -117,7 +117,7 @@ def test_runs_of_altered_worlds_are_not_compared_with_the_paper(tmp_path):
     fake_run(tmp_path, "3", "unet", 0.5, worlds="faster obstacles")
     fake_run(tmp_path, "4", "unet", 0.5)
     results = read_results(Outputs(tmp_path))
-    table = compare(results, PROJECTION).query("model == 'unet'").set_index("experiment")
+    table = compare_with_paper(results, PROJECTION).query("model == 'unet'").set_index("experiment")
     assert table["paper_accuracy"].isna().to_dict() == {"3": True, "4": False}
     assert "Not the paper's worlds: exp 3." in caption(results)
 

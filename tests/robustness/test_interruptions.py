@@ -15,7 +15,7 @@ import pytest
 from conftest import ROOT, TINY, damage, prepared, read_calls, spent_budget
 
 from repro.cli.main import perform
-from repro.evaluation.evaluate import evaluate
+from repro.evaluation.scoring import evaluate
 from repro.learning.training import train
 from repro.runs.provenance import Status
 

@@ -1,4 +1,4 @@
-"""The messages of a robot with a mounted lidar, of ROS 1 or ROS 2: the scans of a log, and tf at 50 Hz between them."""
+"""The messages of a robot with a mounted lidar: the scans of a log, and tf at 50 Hz between them."""
 
 import array
 import math

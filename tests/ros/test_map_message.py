@@ -1,4 +1,4 @@
-"""Messages of ROS 1 and ROS 2 from maps, checked by the types of rosbags and by the definition of OccupancyGrid."""
+"""Messages from maps, checked by the types of rosbags and by the definition of OccupancyGrid."""
 
 import functools
 

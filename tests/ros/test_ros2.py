@@ -2,19 +2,28 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from conftest import ROOT
-from programs import EXAMPLE, batch_maps, check_maps, started
 
 from repro.logs.formats import read_log
+from repro.logs.messages import seconds
 from repro.logs.options import WindowSettings
+from repro.logs.scan_log import ScanLog
+from repro.networks.predictor import load_predictor
+from repro.prediction.stream import predict_map
+from repro.prediction.windows import cut
+from repro.ros.map_message import occupancy
 
 if "REPRO_ROS2" not in os.environ:
     pytest.skip("needs ROS 2: make test-ros2", allow_module_level=True)
@@ -34,11 +43,57 @@ from tf2_msgs.msg import TFMessage
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:module .sre_:DeprecationWarning")]  # of its parser
 NODE = str(Path(sys.executable).with_name("repro-ros2-node"))
-SCANS = 150
+EXAMPLE = ROOT / "examples" / "rooms.npz"
+SCANS, STEPS = 150, 100
 TF = "tf2_msgs/msg/TFMessage"
 START_S = 1_700_000_000
 SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@contextmanager
+def started(command: list[str], environment: dict[str, str], ready: str) -> Iterator[Path]:
+    """Run a program until the end of the block, from when it prints a text; return its output."""
+    end, log = time.monotonic() + 60, Path(environment["ROS_HOME"]) / f"{Path(command[0]).name}.log"
+    with log.open("w") as output:
+        process = subprocess.Popen(
+            command, env=environment, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
+        )
+        try:
+            while ready not in log.read_text(errors="replace"):
+                assert process.poll() is None, log.read_text(errors="replace")
+                assert time.monotonic() < end, f"{command} is not ready: {log.read_text(errors='replace')}"
+                time.sleep(0.1)
+            yield log
+        finally:
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(20)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+
+
+def batch_maps(log: ScanLog) -> dict[float, np.ndarray]:
+    """Return the data of the OccupancyGrid of every window of a log by its time [s]."""
+    predictor = load_predictor("rooms")
+    windows = list(cut(log, WindowSettings((12.5, 12.5), STEPS), 0.1, 25.0))
+    assert len(windows) == len(log) - STEPS + 1
+    maps = (predict_map(predictor, window.scans, window.origin, window.stamp) for window in windows)
+    return {found.stamp: occupancy(found.free, unknown=found.unknown) for found in maps}
+
+
+def check_maps(received: Sequence[Any], maps: dict[float, np.ndarray], output: str) -> None:
+    """Check that the OccupancyGrids of a node, which printed an output, are the maps of the batch."""
+    assert "skipped" not in output, output
+    assert [seconds(grid.header.stamp) for grid in received] == pytest.approx(list(maps), abs=1e-6), output
+    for grid, data in zip(received, maps.values(), strict=True):
+        assert np.array_equal(grid.data, data)
+        assert grid.header.frame_id == "odom"
+        assert (grid.info.width, grid.info.height) == (128, 128)
+        assert grid.info.resolution == pytest.approx(25 / 128)
+        assert (grid.info.origin.position.x, grid.info.origin.position.y) == (0, 0)
+        assert grid.info.origin.orientation.w == 1
 
 
 def stamp(since_start_s: float) -> Time:
@@ -76,7 +131,7 @@ class Robot:
 
         No map ends with the first scans: they fill the window.
         """
-        while min(each.get_subscription_count() for each in (self.static, self.scans, self.poses)) == 0:
+        while min(publisher.get_subscription_count() for publisher in (self.static, self.scans, self.poses)) == 0:
             time.sleep(0.05)
         time.sleep(1)  # the node may find the publishers later than they find it; what it has not found is lost
         self.static.publish(mounting(stamp(0)))
@@ -129,7 +184,7 @@ def test_the_maps_of_the_node_are_those_of_the_batch(robot, maps, tmp_path, proc
     ("parameter", "message"),
     [
         ("steps:=20000", "steps"),
-        ("mounting:=1,2", "mounting: expected 3 finite numbers with commas between them, got '1,2'"),
+        ("mounting:=1,2", "mounting=1,2: must be [x,y,heading] in meters and radians"),
     ],
 )
 def test_wrong_parameters_end_the_node_with_a_message(parameter, message):

@@ -96,7 +96,7 @@ def test_a_drive_backwards_passes_the_same_places():
     points = [[1.0, 1.0], [4.0, 1.5], [2.0, 3.0], [9.0, 9.0]]
     drive = {"name": "waypoints", "points_m": points, "speed_m_s": 1.3, "turn_rad_s": 0.9, "steps": 90}
     ahead, behind = (drive_of({**drive, "direction": direction}) for direction in (1, -1))
-    there, back = (integrated(each.commands(0.1), each.start(10.0, 0.1), 0.1) for each in (ahead, behind))
+    there, back = (integrated(motion.commands(0.1), motion.start(10.0, 0.1), 0.1) for motion in (ahead, behind))
     assert np.allclose(back[::-1, :2], there[:, :2], atol=1e-9)
     assert np.allclose(np.cos(back[::-1, 2] - there[:, 2]), -1)
     assert (behind.commands(0.1)[:, 0] >= 0).all()  # it drives ahead

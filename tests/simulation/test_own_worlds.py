@@ -79,7 +79,7 @@ def test_moving_shapes_agree_with_plain_irsim(moving):
     behavior = {"name": "drift", "speed_m_s": [0.3, 1.0], "turn_steps": [10, 30]}
     shapes = {"count": [3, 3], "shapes": [SHAPES[moving]], "behavior": behavior}
     world = sample_world(own_spec(obstacles=shapes, fixed=[]), 1)
-    assert {each["shape"]["name"] for each in world["obstacle"]} == {SHAPES[moving]["name"]}
+    assert {obstacle["shape"]["name"] for obstacle in world["obstacle"]} == {SHAPES[moving]["name"]}
     assert check_replay(world, simulate(world)) < 1e-9
 
 
@@ -140,7 +140,7 @@ def test_a_first_beam_through_a_corner_is_left_to_plain_irsim_with_noise():
     motion = {"name": "waypoints", "points_m": [[4, 4], [16, 4]], "speed_m_s": 1.37, "turn_rad_s": 3.0, "steps": 3}
     lidar = {"range_max": 10, "angle_range": math.pi / 2, "number": 91, "noise": True, "std": 0.01}
     corners = [[[4.5, 4.5], [4.5, 7.5], [3.5, 7.5]], [[12, 1], [13, 1], [13, 3], [12, 3]]]
-    fixed = [{"shape": {"name": "polygon", "vertices": each}} for each in corners]
+    fixed = [{"shape": {"name": "polygon", "vertices": corner_points}} for corner_points in corners]
     world = sample_world(own_spec(lidar=lidar, fixed=fixed, obstacles=[], motion=motion), 0)
     assert check_replay(world, simulate(world)) == 0
 

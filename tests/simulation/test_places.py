@@ -30,9 +30,9 @@ STANDING = SPEC.model_copy(
 def test_plain_irsim_records_the_same_and_the_robot_keeps_clear(spec):
     world = sample_world(spec.model_copy(update={"motion": spec.motion.model_copy(update={"steps": 40})}), 0)
     walls = union(world["obstacle"][: world["custom"]["fixed"]])
-    for each in (world, reverse_direction(world)):
-        check_replay(each, simulate(each))
-        places = drive_robot(each)[:, :2]
+    for twin in (world, reverse_direction(world)):
+        check_replay(twin, simulate(twin))
+        places = drive_robot(twin)[:, :2]
         assert shapely.distance(walls, shapely.LineString(places)) >= 0.3 - 1e-6
         assert places.min() >= 5 - 1e-6
         assert places.max() <= 20 + 1e-6
@@ -44,11 +44,11 @@ def test_nobody_starts_in_a_thick_wall_or_a_cabinet(spec):
     for seed in range(6):
         world = sample_world(spec, seed)
         fixed = world["custom"]["fixed"]
-        lines = [shapely.LineString(each["shape"]["vertices"]) for each in world["obstacle"][:fixed]]
+        lines = [shapely.LineString(obstacle["shape"]["vertices"]) for obstacle in world["obstacle"][:fixed]]
         solid = shapely.union_all([shapely.Polygon(line) for line in lines if line.is_closed])
         boxes += len([line for line in lines if line.is_closed])
-        for each in [world["robot"], *world["obstacle"][fixed:]]:
-            assert solid.distance(shapely.Point(each["state"][:2])) >= shape_radius(each["shape"]) - 1e-9
+        for item in [world["robot"], *world["obstacle"][fixed:]]:
+            assert solid.distance(shapely.Point(item["state"][:2])) >= shape_radius(item["shape"]) - 1e-9
     assert boxes > 100
 
 
@@ -88,10 +88,10 @@ def test_people_stop_for_the_given_steps_and_else_walk_at_their_speed():
 def test_walls_have_the_thickness_drawn_and_closed_doors_shut_the_rooms():
     change = {"thickness_m": (0.3, 0.3), "closed_share": 1.0, "cabinets": None}
     obstacles = sample_rooms(np.random.default_rng(0), SPEC.rooms.model_copy(update=change), 25.0)
-    walls = [np.array(each["shape"]["vertices"]) for each in obstacles]
+    walls = [np.array(obstacle["shape"]["vertices"]) for obstacle in obstacles]
     thick = [wall for wall in walls if len(wall) == 5]
     assert all(np.linalg.norm(wall[2] - wall[1]) == pytest.approx(0.3) for wall in thick)
-    lines = shapely.union_all([shapely.LineString(each) for each in walls])
+    lines = shapely.union_all([shapely.LineString(wall) for wall in walls])
     places = shapely.points(np.random.default_rng(0).uniform(5, 20, (20, 2)))
     parts = shapely.box(0, 0, 25, 25).difference(lines.buffer(0.01)).geoms
     assert sum(part.contains(places).any() for part in parts) > 1
@@ -107,7 +107,7 @@ def test_cabinets_stand_against_a_wall():
     cabinets = Cabinets(per_m=(0.5, 0.5), length_m=(0.5, 1.0), depth_m=(0.4, 0.4))
     change = {"cabinets": cabinets, "closed_share": 0.0, "leaf_share": 0.0, "thickness_m": None}
     obstacles = sample_rooms(np.random.default_rng(1), SPEC.rooms.model_copy(update=change), 25.0)
-    lines = [geometry(each["shape"]) for each in obstacles]
+    lines = [geometry(obstacle["shape"]) for obstacle in obstacles]
     walls = shapely.union_all([line for line in lines if not line.is_closed])
     boxes = [line for line in lines if line.is_closed]
     nearest = [wall for box in boxes if (wall := shapely.distance(walls, box)) > 1e-9]

@@ -117,7 +117,7 @@ WRONG = dict.fromkeys(("a.json", "a.yaml"), (None, "", "[1]", "{", "7", "\x00"))
 WRONG["t.csv"] = (None, "", "a,b\n", "a,c\n1,2\n", "a,b\n1\n")
 
 
-@pytest.mark.parametrize(("name", "content"), [(name, each) for name, contents in WRONG.items() for each in contents])
+@pytest.mark.parametrize(("name", "content"), [(name, text) for name, contents in WRONG.items() for text in contents])
 def test_an_unreadable_mapping_or_table_is_named_with_a_fix(tmp_path, name, content):
     if content is not None:
         (tmp_path / name).write_text(content)

@@ -7,8 +7,8 @@ import joblib
 import pandas as pd
 
 from repro.baselines.registry import PREDICTORS, applies
-from repro.evaluation.analysis import ANALYZED, gather
-from repro.evaluation.evaluate import evaluate_baseline
+from repro.evaluation.frames import ANALYZED, gather
+from repro.evaluation.scoring import evaluate_baseline
 from repro.recordings.reader import open_recordings
 from repro.reporting.analysis_figures import write_analysis_figures
 from repro.reporting.answer import effects_line

@@ -25,7 +25,7 @@ from repro.maps.statistics import measure
 from repro.metrics.scores import THRESHOLD
 from repro.networks.predictor import Predictor, load_predictor
 from repro.networks.weights import locate, onnx_file
-from repro.prediction.agreement import compare
+from repro.prediction.agreement import compare_with_scans
 from repro.prediction.drawing import draw_window
 from repro.prediction.log_page import page_of
 from repro.prediction.map_files import write_map, write_probabilities
@@ -187,7 +187,7 @@ def _predict(window: Window, predictor: Predictor, directory: Path, log: ScanLog
     }
     statistics = {name: float(value[0]) for name, value in measure(window.scans.batched(), grid).items()}
     outside = predictor.statistics.outside(statistics) if predictor.statistics else []
-    losses = compare(window, predicted.free, grid, range_max_m)
+    losses = compare_with_scans(window, predicted.free, grid, range_max_m)
     row |= {**statistics, "outside_training": " ".join(outside), **losses}
     print(line_of(row | {"window": window.number}, when), flush=True)
     return row

@@ -20,14 +20,14 @@ SCRIPT, WASM = "package/dist/ort.wasm.bundle.min.mjs", "package/dist/ort-wasm-si
 
 
 @dataclass(frozen=True)
-class Runtime:
+class WebRuntime:
     """The two files of ONNX Runtime Web that the page needs: the JavaScript module and the compiled runtime."""
 
     script: str
     wasm: bytes
 
 
-def load_runtime() -> Runtime:
+def load_runtime() -> WebRuntime:
     """Read ONNX Runtime Web from its npm package in the cache, where it is downloaded once.
 
     Raises:
@@ -47,7 +47,7 @@ def load_runtime() -> Runtime:
         raise InputError(f"{path} has the SHA-256 {found}, expected {SHA256} of {URL}: delete it")
     with tarfile.open(path) as package:
         script, wasm = (file.read() for name in (SCRIPT, WASM) if (file := package.extractfile(name)))
-    return Runtime(script.decode(), wasm)
+    return WebRuntime(script.decode(), wasm)
 
 
 def cached_archive() -> Path:

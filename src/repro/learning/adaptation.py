@@ -71,14 +71,14 @@ class PartialLoss(nn.Module):
         return torch.stack([bce_loss(*window) for window in windows]).mean()
 
 
-class Adaptation(TrainingModule):
+class AdaptationModule(TrainingModule):
     """Training on random squares of the maps, which takes half the time, with a learning rate that falls to zero."""
 
     def training_step(self, batch: tuple[Tensor, Tensor], _: int) -> Tensor:
         size = batch[1].shape[-1]
         side = 3 * size // 16 * 4
         row, column = torch.randint(size - side + 1, (2,)).tolist()
-        image, target = (each[..., row : row + side, column : column + side] for each in batch)
+        image, target = (array[..., row : row + side, column : column + side] for array in batch)
         middle = [(size / 2 - row, size / 2 - column)] if is_centered(self.network) else []
         loss: Tensor = self.loss(self.network(image.to(memory_format=torch.channels_last), *middle), target)
         self.step_losses.append(loss.detach())
@@ -161,7 +161,7 @@ def _windows(
 
 
 def _labeled(windows: list[tuple[Scans, Observed]], predictor: Predictor) -> Labeled:
-    shown = (np.where(each.hits, 0, np.where(each.passed, 1, UNKNOWN)) for _, each in windows)
+    shown = (np.where(label.hits, 0, np.where(label.passed, 1, UNKNOWN)) for _, label in windows)
     return drawn([scans for scans, _ in windows], list(shown), predictor)
 
 
@@ -197,8 +197,8 @@ def adapt(
         network = network.with_distances()
     network.to(device)
     accelerate(network, device)
-    epochs = max(SCHEDULE.max_epochs, round(TRAINED_WINDOWS / sum(len(each.pairs) for each in first)))
-    module = Adaptation(network, train, val, replace(SCHEDULE, max_epochs=epochs), seed, PartialLoss())
+    epochs = max(SCHEDULE.max_epochs, round(TRAINED_WINDOWS / sum(len(labeled.pairs) for labeled in first)))
+    module = AdaptationModule(network, train, val, replace(SCHEDULE, max_epochs=epochs), seed, PartialLoss())
     before = _validation_loss(module)
     with tempfile.TemporaryDirectory(prefix="adaptation-") as directory:
         fit(module, Path(directory), device, precision)
@@ -209,7 +209,7 @@ def adapt(
     if not after < before:
         raise InputError(f"the validation loss does not fall on these logs: {before:.4f} before, {after:.4f} adapted")
     known = [predictor.statistics] if predictor.statistics else []
-    statistics = functools.reduce(Statistics.widened, [*known, *(each.statistics for each in first)])
+    statistics = functools.reduce(Statistics.widened, [*known, *(labeled.statistics for labeled in first)])
     adapted = replace(predictor, network=TorchNetwork(network), statistics=statistics, is_centered=is_centered(network))
     return adapted, before, after
 
@@ -217,7 +217,7 @@ def adapt(
 def _joined(parts: list[Labeled], device: str) -> Pairs:
     """Return the pairs of several logs on a device."""
     pairs = [part.pairs for part in parts]
-    stored, maps = torch.cat([each.stored for each in pairs]), torch.cat([each.maps for each in pairs])
+    stored, maps = torch.cat([part.stored for part in pairs]), torch.cat([part.maps for part in pairs])
     return Pairs(stored.to(device), maps.to(device), pairs[0].encoding)
 
 

@@ -26,7 +26,7 @@ def calibrate(network: nn.Module, pairs: Pairs) -> None:
         logits.append(network(image)[known].float().cpu())
         free.append((codes[known] & 1).cpu())
         weights.append(torch.full_like(logits[-1], 1 / max(len(logits[-1]), 1)))  # windows count alike, as in the loss
-    values, truth, weight = (torch.cat(each).numpy() for each in (logits, free, weights))
+    values, truth, weight = (torch.cat(parts).numpy() for parts in (logits, free, weights))
     model = LogisticRegression(C=np.inf).fit(values[:, None], truth, weight)
     *_, last = (layer for layer in network.modules() if isinstance(layer, nn.Conv2d) and layer.out_channels == 1)
     last.weight.mul_(float(model.coef_[0, 0]))

@@ -33,7 +33,7 @@ SLACK_M = 0.5  # added to the distance that a mover can have covered
 
 
 @dataclass(frozen=True)
-class Seen:
+class SeenMover:
     """An obstacle that moves and was in view lately.
 
     Args:
@@ -77,12 +77,12 @@ def _recorded(spec: WorldSpec, seeds: range) -> Recording:
     """
     for seed in seeds:
         recording = simulate(sample_world(spec, seed))
-        if standing(recording.states).any() or any(each.is_lost for each in _seen(recording, spec)):
+        if standing(recording.states).any() or any(mover.is_lost for mover in _seen(recording, spec)):
             break
     return recording
 
 
-def _seen(recording: Recording, spec: WorldSpec) -> Iterator[Seen]:
+def _seen(recording: Recording, spec: WorldSpec) -> Iterator[SeenMover]:
     """Yield each obstacle that moves and was in view lately."""
     poses, states = recording.scans.poses[-LATELY_STEPS:], recording.states[:, -LATELY_STEPS:, :2]
     offsets = states - poses[:, :2]
@@ -94,7 +94,7 @@ def _seen(recording: Recording, spec: WorldSpec) -> Iterator[Seen]:
         last = int(np.flatnonzero(in_view[number])[-1])
         since = len(poses) - 1 - last
         radius_m = float(np.linalg.norm(recording.outlines[number], axis=-1).max())
-        yield Seen(states[number, last], radius_m + top_m_s * since * spec.world.step_time + SLACK_M, since > 0)
+        yield SeenMover(states[number, last], radius_m + top_m_s * since * spec.world.step_time + SLACK_M, since > 0)
 
 
 def _window(recording: Recording, spec: WorldSpec, grid: Grid) -> tuple[Scans, np.ndarray]:

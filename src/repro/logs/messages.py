@@ -1,4 +1,4 @@
-"""ROS messages to scans and poses, for ROS 1, ROS 2 and rosbags, which name the fields alike."""
+"""ROS messages to scans and poses, of rclpy or rosbags, which name the fields alike."""
 
 import math
 from collections import deque
@@ -21,9 +21,7 @@ MAX_VARIATION = 0.1  # of the number of readings between the scans of a lidar
 
 def seconds(stamp: Any) -> float:
     """Return the time of a stamp [s]."""
-    if hasattr(stamp, "nanosec"):
-        return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
-    return float(stamp.secs) + 1e-9 * float(stamp.nsecs)  # of rospy
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
 def add_transforms(transforms: Transforms, message: Any, *, is_static: bool = False) -> None:

@@ -44,8 +44,8 @@ class MissCheck:
         self._heading = math.nan
         self._beyond: set[float] = set()
 
-    def add(self, readings: np.ndarray, ranges: np.ndarray, heading: float, range_max_m: float) -> None:
-        """Count a scan.
+    def add(self, readings: np.ndarray, ranges: np.ndarray, heading: float, range_max_m: float) -> list[str]:
+        """Count a scan, and return the notes of kinds that were not seen before.
 
         Args:
             readings: what the lidar reported [m], (N,).
@@ -53,7 +53,7 @@ class MissCheck:
             heading: of the lidar [rad].
             range_max_m: smallest range that means a miss [m].
         """
-        misses = np.isinf(ranges)
+        misses, known = np.isinf(ranges), set(self.notes)
         self._always = misses if self._always.shape != misses.shape else self._always & misses
         turn = 0.0 if math.isnan(self._heading) else float(wrapped(heading - self._heading))
         self._turned, self._heading, self._scans = self._turned + turn, heading, self._scans + 1
@@ -61,6 +61,7 @@ class MissCheck:
         self._newest.append(self._count(readings, ranges, misses, range_max_m))
         if len(self._newest) >= FEWEST:
             self._judge(range_max_m)
+        return [note for kind, note in self.notes.items() if kind not in known]
 
     def _count(
         self, readings: np.ndarray, ranges: np.ndarray, misses: np.ndarray, range_max_m: float

@@ -166,4 +166,4 @@ class Counts(Recent):
         grays = 17 * (15 - np.ceil(15 * shares.clip(max=1)).astype(np.uint8))  # of a part and a number of steps
         part = np.arange(self.frames)[:, None, None]
         counts = count_hits(parts, grid), count_passed(parts, grid, self.range_max_m)
-        return np.concatenate([grays[part, each.reshape(-1, self.frames, *each.shape[1:])] for each in counts], axis=1)
+        return np.concatenate([grays[part, seen.reshape(-1, self.frames, *seen.shape[1:])] for seen in counts], axis=1)

@@ -2,7 +2,7 @@
 
 The network maps encoded scans (B, C, H, W) in [0, 1] to logits (B, 1, H, W). The metadata of the file hold encoding,
 grid, window and statistics (`repro.predictor`, JSON) with a checksum of the file, and the model card
-(`repro.model_card`, Markdown). `learning.networks.export` writes such files.
+(`repro.model_card`, Markdown). `learning.networks.onnx_export` writes such files.
 """
 
 import hashlib
@@ -71,7 +71,7 @@ class OnnxNetwork:
 
 
 def read_onnx(path: Path) -> tuple[OnnxNetwork, dict[str, Any]]:
-    """Read an ONNX file that `learning.networks.export.write_onnx` wrote.
+    """Read an ONNX file that `learning.networks.onnx_export.write_onnx` wrote.
 
     Returns:
         the network and its description, see `networks.predictor.description_of`.

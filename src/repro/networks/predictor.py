@@ -136,9 +136,8 @@ def load_predictor(weights: str | Path) -> Predictor:
     """Load a predictor from an ONNX file.
 
     Args:
-        weights: `indoor`, `buildings`, `rooms`, `drive`, `exp1` to `exp4`; an ONNX file, or a directory with one; or
-            owner/name of a repository of the Hugging Face Hub. `learning.networks.trained.load_trained` reads weights
-            of torch.
+        weights: `indoor`, `buildings`, `rooms`, `drive`, `exp1` to `exp4`; an ONNX file, or a directory with one.
+            `learning.networks.trained.load_trained` reads weights of torch.
 
     Raises:
         InputError: there are no such weights, the file differs from its checksum, or the network is not one from

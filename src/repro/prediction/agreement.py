@@ -65,7 +65,7 @@ def log_loss(free: np.ndarray, scan: Observed) -> float:
     return float(-np.log(right).mean()) if len(right) else float("nan")
 
 
-def compare(window: Window, free: np.ndarray, grid: Grid, range_max_m: float) -> dict[str, float]:
+def compare_with_scans(window: Window, free: np.ndarray, grid: Grid, range_max_m: float) -> dict[str, float]:
     """Compare the map of a window, the probability of free, (H, W), with the next scan and with the held-out beams.
 
     Returns:

@@ -137,7 +137,7 @@ class PredictionStream:
             raise InputError(f"center: expected robot or x, y [m], got {center!r}")
         known_m = None if range_max_m == math.inf else range_max_m
         self.settings = window_of(predictor, steps, step_s, center=center, range_max_m=known_m, misses=misses)
-        self.range_max_m = math.inf if known_m is None else float(known_m)
+        self.range_max_m = self.settings.range_max_m or math.inf
         self.predictor, self.angles = predictor, real("angles", angles).astype(float)
         if self.angles.ndim != 1 or not len(self.angles) or not np.isfinite(self.angles).all():
             raise InputError(f"angles: expected N finite angles [rad], got an array of shape {self.angles.shape}")
@@ -153,9 +153,7 @@ class PredictionStream:
         self._has_movers = False  # of which it is said once
         self._lock = OneAtATime("update")
 
-    def __copy__(self) -> "PredictionStream":
-        """Return a stream with the same scans, which takes others from now on."""
-        return copy.deepcopy(self)
+    __copy__ = copy.deepcopy  # a stream with the same scans, which takes others from now on
 
     def __repr__(self) -> str:
         return f"PredictionStream({self.predictor!r}, {self.beams} beams, {len(self._kept)} scans)"
@@ -207,10 +205,8 @@ class PredictionStream:
             raise InputError("ranges: expected meters, inf for a miss, and most of these are beyond 300")
         if np.isnan(ranges).all():
             raise InputError("ranges: no valid reading: expected meters, inf for a miss, NaN for an invalid reading")
-        known = set(self._misses.notes)
-        self._misses.add(np.asarray(raw), ranges, float(pose[2]), self.range_max_m)
-        for kind in self._misses.notes.keys() - known:
-            LOGGER.warning("%s", self._misses.notes[kind])
+        for note in self._misses.add(np.asarray(raw), ranges, float(pose[2]), self.range_max_m):
+            LOGGER.warning("%s", note)
         return ranges[: len(self.angles)], pose
 
     def extend(self, scan: LogScan) -> StreamMap | None:

@@ -95,11 +95,6 @@ def has_pairs(recorded: Mapping[str, int], asked: Mapping[str, int]) -> bool:
     return set(recorded) == set(asked) and (not rest or (len(rest) == 1 and spare))
 
 
-def recordings_in(directory: Path, pairs: Mapping[str, int]) -> int:
-    """Count the recordings for `pairs` whose shard exists in a directory; the shards are not checked."""
-    return sum(2 * shard.worlds for shard in shards_of(pairs) if (directory / shard.name).is_file())
-
-
 def spec_fingerprint(spec: WorldSpec) -> str:
     """Hash everything that determines the content of the recordings, in hexadecimal."""
     content = {"format": FORMAT, "ir-sim": version("ir-sim"), "spec": spec.raw}

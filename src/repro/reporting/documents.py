@@ -1,6 +1,6 @@
 """Tables of the documents: Markdown from reproduce/results, between the marks of a document.
 
-The frames of the tables are those of `evaluation.analysis.gather` by their names, with `claims` and `costs`.
+The frames of the tables are those of `evaluation.frames.gather` by their names, with `claims` and `costs`.
 """
 
 import itertools

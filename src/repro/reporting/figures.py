@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from repro.evaluation.evaluate import read_predictions
+from repro.evaluation.scoring import read_predictions
 from repro.recordings.datasets import encoding_of, grid_of
 from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import true_maps

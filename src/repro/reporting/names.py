@@ -1,4 +1,4 @@
-"""Names of experiments, models and predictors, and durations, in tables, figures and messages."""
+"""Names of experiments, models and predictors in tables, figures and messages."""
 
 from repro.baselines.titles import BASELINES
 from repro.runs.config import NO_DECAY, PROJECTION
@@ -32,10 +32,3 @@ def predictor_title(model: str, encoding: str) -> str:
     base = encoding.removesuffix(NO_DECAY)
     named = "" if base in ("", PROJECTION) else f", {base}"
     return model_title(model) + named + (", no decay" if encoding.endswith(NO_DECAY) else "")
-
-
-def duration(seconds: float) -> str:
-    """Format a duration in seconds, minutes or hours."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.0f} h"

@@ -33,7 +33,7 @@ def render(outputs: Path, results: pd.DataFrame, frames: DataFrames, figures: di
     Args:
         outputs: path of the outputs directory.
         results: tidy rows of its runs, see `results.read_results`.
-        frames: the frames of `evaluation.analysis.gather`, and `claims`.
+        frames: the frames of `evaluation.frames.gather`, and `claims`.
         figures: PNG files by name.
     """
     environment = Environment(loader=PackageLoader("repro.reporting"), autoescape=True, undefined=StrictUndefined)

@@ -191,7 +191,7 @@ def verdicts(frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> pd.DataF
     """Judge the paper's claims on an analysis, without its experiments that have other worlds than the paper's.
 
     Args:
-        frames: see `evaluation.analysis.gather`; published tables hold all that the claims need. `navigation` is
+        frames: see `evaluation.frames.gather`; published tables hold all that the claims need. `navigation` is
             the comparison of task=navigate and `scaling` the growth of times of reproduce/scaling.py, if there are any.
         results: tidy rows of its runs, see `results.read_results`.
 
@@ -210,7 +210,7 @@ def verdicts(frames: dict[str, pd.DataFrame], results: pd.DataFrame) -> pd.DataF
 
 
 def analysis_rows(frames: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """Return the frames of `evaluation.analysis.gather` as tidy rows.
+    """Return the frames of `evaluation.frames.gather` as tidy rows.
 
     Returns:
         of (the table), experiment, model, encoding, recency, metric, value; low and high, nan if unknown.

@@ -66,13 +66,13 @@ def settings_of(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the settings of runs as JSON texts, a column each; nan where a run has none of that name."""
     cells = rows["settings"] if "settings" in rows else [""] * len(rows)
     read = [json.loads(cell) if isinstance(cell, str) and cell else {} for cell in cells]
-    return pd.DataFrame([{key: json.dumps(value) for key, value in each.items()} for each in read], rows.index)
+    return pd.DataFrame([{key: json.dumps(value) for key, value in settings.items()} for settings in read], rows.index)
 
 
 def conflicts(rows: pd.DataFrame) -> str:
     """Name the settings with different values in runs that must share all, `train.batch_size is 2 and 8`; or empty."""
     values = {name: column.dropna().unique() for name, column in settings_of(rows).items()}
-    return "; ".join(f"{name} is {' and '.join(each)}" for name, each in values.items() if len(each) > 1)
+    return "; ".join(f"{name} is {' and '.join(found)}" for name, found in values.items() if len(found) > 1)
 
 
 def keys_of(rows: pd.DataFrame) -> list[RunKey]:

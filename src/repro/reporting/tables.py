@@ -26,7 +26,7 @@ TABLES = {  # titles, and encoding of the networks
 
 @dataclass(frozen=True)
 class Table:
-    """Rows with named columns, see `compare`, and their caption; empty if no run is evaluated."""
+    """Rows with named columns, see `compare_with_paper`, and their caption; empty if no run is evaluated."""
 
     frame: pd.DataFrame
     caption: str
@@ -77,7 +77,9 @@ def make_tables(results: pd.DataFrame) -> dict[str, Table]:
         if rows.empty:
             tables[name] = Table(pd.DataFrame(), f"{title}. No run evaluated yet.")
         else:
-            tables[name] = Table(compare(results, encoding), f"{title}. {caption(rows)}{missing(rows, encoding)}")
+            tables[name] = Table(
+                compare_with_paper(results, encoding), f"{title}. {caption(rows)}{missing(rows, encoding)}"
+            )
     return tables
 
 
@@ -100,7 +102,7 @@ def not_shown(results: pd.DataFrame) -> str:
     return f"Evaluated, but in the tables of task=analysis only: {'; '.join(titles)}." if titles else ""
 
 
-def compare(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
+def compare_with_paper(results: pd.DataFrame, encoding: str) -> pd.DataFrame:
     """Create the main table (the paper's projection) or the ablation (the projection without decay).
 
     Args:

@@ -1,1 +1,1 @@
-"""The nodes of ROS 1 and ROS 2: messages in, maps as messages out."""
+"""The node of ROS 2: messages in, maps as messages out."""

@@ -1,4 +1,4 @@
-"""Maps to OccupancyGrid messages, for ROS 1, ROS 2 and rosbags, which name the fields alike."""
+"""Maps to OccupancyGrid messages, of rclpy or rosbags, which name the fields alike."""
 
 from typing import Any
 
@@ -37,7 +37,7 @@ def grid_message(types: dict[str, Any], data: Any, predicted: StreamMap, stamp: 
     """Create an OccupancyGrid.
 
     Args:
-        types: the message classes by name, of rospy, rclpy or rosbags.
+        types: the message classes by name, of rclpy or rosbags.
         data: what `occupancy` returns, in the type that the classes take.
         predicted: the map.
         stamp: time of the map, of the type of header stamps.

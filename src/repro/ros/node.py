@@ -1,4 +1,4 @@
-"""What the nodes of ROS 1 and ROS 2 share: their parameters, and maps as messages."""
+"""The node without ROS: its parameters, and maps as messages."""
 
 import array
 from collections.abc import Callable, Mapping

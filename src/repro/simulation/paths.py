@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from repro.system.errors import InputError
-from repro.worlds.robot_motions import Motion, RandomGoals, Rotation, Square, Waypoints, drive_of, integrated
+from repro.worlds.robot_motions import FullTurn, Motion, RandomGoals, Square, Waypoints, drive_of, integrated
 from repro.worlds.spec import Map
 
 Behavior = dict[str, Any]  # of the robot, as IR-SIM reads it
@@ -43,19 +43,19 @@ def _straight(motion: Motion) -> Behavior:
 def sampled_behavior(rng: np.random.Generator, motion: Motion) -> Behavior:
     """Return a motion in direction 1 as IR-SIM reads it, with `turned_rad` drawn from its range, if it is one."""
     behavior = {**motion.irsim(), "direction": 1}
-    if isinstance(motion, Rotation | Square) and isinstance(motion.turned_rad, tuple):
+    if isinstance(motion, FullTurn | Square) and isinstance(motion.turned_rad, tuple):
         behavior["turned_rad"] = float(rng.uniform(*behavior["turned_rad"]))
     return behavior
 
 
-def farthest_m(motion: Rotation | Square, world: Map) -> float:
+def farthest_m(motion: FullTurn | Square, world: Map) -> float:
     """Return the largest distance of the robot from the center of the map [m], however its motion is turned."""
     path = planned_path(_straight(motion), world)[:, :2]
     return float(np.linalg.norm(path - world.width / 2, axis=1).max())
 
 
 def check_path(
-    motion: Rotation | Square | Waypoints, world: Map, walls: shapely.Geometry | None, radius_m: float
+    motion: FullTurn | Square | Waypoints, world: Map, walls: shapely.Geometry | None, radius_m: float
 ) -> None:
     """Check that a robot stays on the map, for waypoints, and does not touch a fixed obstacle.
 
@@ -77,7 +77,7 @@ def check_path(
             )
     if walls is None:
         return
-    if isinstance(motion, Rotation | Square) and isinstance(motion.turned_rad, tuple):
+    if isinstance(motion, FullTurn | Square) and isinstance(motion.turned_rad, tuple):
         path = shapely.Point(world.width / 2, world.height / 2).buffer(farthest_m(motion, world))
     else:
         path = shapely.LineString(points or planned_path({**motion.irsim(), "direction": 1}, world)[:, :2])

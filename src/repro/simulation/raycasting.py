@@ -1,6 +1,7 @@
 """Ray casting for all scans of a recording at once, with the equations that IR-SIM applies to one scan."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,10 +40,11 @@ def scan(
     outlines = outlines if outlines.ndim == 4 else outlines[:, None]
     view = np.stack([poses[:, 2] + (angles[0] + angles[-1]) / 2, np.full(len(poses), np.ptp(angles) / 2)], axis=-1)
     ranges, nearest = np.full(heading.shape, np.inf), np.full(heading.shape, -1)
+    beams = _Beams(poses, directions, view, ranges, nearest)
     stands = (states == states[:, :1]).all((1, 2)) & (outlines.shape[1] == 1)
     for numbers, steps in ((np.flatnonzero(stands), slice(1)), (np.flatnonzero(~stands), slice(None))):
         rings = placed(outlines[numbers], states[numbers, steps])  # (R, 1 or T, V, 2)
-        reached = _cast(ranges, nearest, numbers, poses, directions, view, rings, *_circles(rings), range_max_m)
+        reached = _cast(beams, _Rings(numbers, rings, *_circles(rings)), range_max_m)
         if reached >= 0:
             raise InputError(f"obstacle {reached} reaches the robot: enlarge clear_radius_m")
     return ranges, np.isin(np.arange(len(outlines)), nearest)
@@ -81,52 +83,62 @@ def _grazes(corners: np.ndarray, poses: np.ndarray, cos: np.ndarray, sin: np.nda
     return False
 
 
-@compiled
-def _cast(
-    ranges: np.ndarray,
-    nearest: np.ndarray,
-    numbers: np.ndarray,
-    poses: np.ndarray,
-    directions: np.ndarray,
-    view: np.ndarray,
-    rings: np.ndarray,
-    centers: np.ndarray,
-    radii: np.ndarray,
-    range_max_m: float,
-) -> int:
-    """Shorten the ranges of all beams to the rings that they cross; return an obstacle that contains a robot, or -1.
+class _Beams(NamedTuple):
+    """The beams of T scans.
 
     Args:
-        ranges: ranges so far [m], (T, N).
-        nearest: index of the obstacle that each beam hits, (T, N).
-        numbers: indices of the obstacles of the rings, (R,).
         poses: robot poses, (T, 3).
         directions: unit vectors of the beams, (T, N, 2).
-        view: direction of the middle of the view and half of the field of view [rad], (T, 2).
-        rings: outlines in the world, (R, S, V, 2), where S is T, or 1 if they stand.
-        centers: of the circles around the outlines [m], (R, S, 2).
-        radii: of these circles [m], (R, S).
-        range_max_m: longest range [m].
+        facing: direction of the middle of the view and half of the field of view [rad], (T, 2).
+        ranges: ranges so far [m], (T, N).
+        nearest: index of the obstacle that each beam hits, (T, N).
     """
-    for place in range(len(rings)):
-        index = numbers[place]
-        for step in range(len(ranges)):
-            at = step if rings.shape[1] > 1 else 0
-            across, up = centers[place, at, 0] - poses[step, 0], centers[place, at, 1] - poses[step, 1]
-            radius = radii[place, at]
+
+    poses: np.ndarray
+    directions: np.ndarray
+    facing: np.ndarray
+    ranges: np.ndarray
+    nearest: np.ndarray
+
+
+class _Rings(NamedTuple):
+    """Outlines in the world.
+
+    Args:
+        numbers: indices of their obstacles, (R,).
+        outlines: the outlines [m], (R, S, V, 2), where S is T, or 1 if they stand.
+        centers: of the circles around them [m], (R, S, 2).
+        radii: of these circles [m], (R, S).
+    """
+
+    numbers: np.ndarray
+    outlines: np.ndarray
+    centers: np.ndarray
+    radii: np.ndarray
+
+
+@compiled
+def _cast(beams: _Beams, rings: _Rings, range_max_m: float) -> int:
+    """Shorten the ranges of all beams to the rings that they cross; return an obstacle that contains a robot, or -1."""
+    for place in range(len(rings.numbers)):
+        index = rings.numbers[place]
+        for step in range(len(beams.ranges)):
+            at, pose = step if rings.outlines.shape[1] > 1 else 0, beams.poses[step]
+            across, up = rings.centers[place, at, 0] - pose[0], rings.centers[place, at, 1] - pose[1]
+            radius = rings.radii[place, at]
             square = across * across + up * up
-            if not _may_be_hit(across, up, radius, view[step], range_max_m):
+            if not _may_be_hit(across, up, radius, beams.facing[step], range_max_m):
                 continue
-            ring = _unpadded(rings[place, at])
-            if square <= radius * radius and _contains(ring, poses[step]):
+            ring = _unpadded(rings.outlines[place, at])
+            if square <= radius * radius and _contains(ring, pose):
                 return index
-            for beam in range(ranges.shape[1]):
-                dx, dy = directions[step, beam]
+            for beam in range(beams.ranges.shape[1]):
+                dx, dy = beams.directions[step, beam]
                 along = across * dx + up * dy
                 if square <= radius * radius or (along > 0 and square - along * along <= radius * radius):
-                    distance = _crossing(ring, poses[step], dx, dy)
-                    if distance <= range_max_m and distance < ranges[step, beam]:
-                        ranges[step, beam], nearest[step, beam] = distance, index
+                    distance = _crossing(ring, pose, dx, dy)
+                    if distance <= range_max_m and distance < beams.ranges[step, beam]:
+                        beams.ranges[step, beam], beams.nearest[step, beam] = distance, index
     return -1
 
 

@@ -31,7 +31,7 @@ from repro.simulation.shapes import Line, Obstacle, boundaries, filled, shape_ra
 from repro.system.errors import InputError
 from repro.system.files import write_text
 from repro.worlds.obstacles import Shaped, Sized
-from repro.worlds.robot_motions import RandomGoals, Rotation, Square, drive_of
+from repro.worlds.robot_motions import FullTurn, RandomGoals, Square, drive_of
 from repro.worlds.spec import WorldSpec
 
 World = dict[str, Any]
@@ -125,7 +125,7 @@ def check_spec(spec: WorldSpec) -> None:
         check_rooms(spec.rooms, motion, world.width, 2 * radius_m)
     if not isinstance(motion, RandomGoals):
         check_path(motion, world, union(fixed_obstacles(spec)), radius_m)
-    if not isinstance(motion, Rotation | Square):
+    if not isinstance(motion, FullTurn | Square):
         if 0 < clear_m < radius_m:
             raise InputError(f"clear_radius_m={clear_m} is less than the robot's radius of {radius_m} m")
         return

@@ -31,7 +31,7 @@ from repro.worlds.limits import (
 Steps = Annotated[int, Field(ge=1, le=100_000)]  # of a side or a turn
 
 
-class Rotation(Section):
+class FullTurn(Section):
     """A full turn in place; `turned_rad` [rad] is its start heading, or its range."""
 
     name: Literal["rotate"]
@@ -142,16 +142,14 @@ class WaypointDrive:
 
     def _commands_ahead(self, step_time: float) -> np.ndarray:
         parts: list[np.ndarray] = []
-        heading, length = None, 0
+        heading = None
         for (x0, y0), (x1, y1) in itertools.pairwise(self.points_m):
-            if length >= self.steps:
+            if sum(map(len, parts)) >= self.steps:
                 break
             ahead, way_m = math.atan2(y1 - y0, x1 - x0), math.hypot(x1 - x0, y1 - y0)
             turn = 0.0 if heading is None else math.remainder(ahead - heading, 2 * math.pi)
             heading = ahead
-            parts += [_evenly(turn, self.turn_rad_s, step_time, column=1)]
-            parts += [_evenly(way_m, self.speed_m_s, step_time, column=0)]
-            length += len(parts[-2]) + len(parts[-1])
+            parts += [_evenly(turn, self.turn_rad_s, step_time, 1), _evenly(way_m, self.speed_m_s, step_time, 0)]
         return np.concatenate([*parts, np.zeros((self.steps, 2))])[: self.steps]
 
     def start(self, size_m: float, step_time: float) -> list[float]:
@@ -214,7 +212,7 @@ class RandomGoals(Section):
     standing: Standing | None = None
 
 
-Motion = Annotated[Rotation | Square | Waypoints | RandomGoals, Field(discriminator="name")]
+Motion = Annotated[FullTurn | Square | Waypoints | RandomGoals, Field(discriminator="name")]
 Drive = RotationDrive | SquareDrive | WaypointDrive | SweepDrive
 DRIVES: dict[str, Any] = {
     "rotate": RotationDrive,
@@ -232,16 +230,14 @@ def drive_of(behavior: dict[str, Any]) -> Drive:
     """
     if behavior["name"] not in DRIVES:
         raise InputError(f"robot behavior must be one of {sorted(DRIVES)}, got {behavior['name']!r}")
-    drive: Drive = DRIVES[behavior["name"]](**{key: value for key, value in behavior.items() if key != "name"})
-    return drive
+    return DRIVES[behavior["name"]](**{key: value for key, value in behavior.items() if key != "name"})
 
 
 def _evenly(total: float, rate: float, step_time: float, column: int) -> np.ndarray:
     """Divide a way [m] or a turn [rad] into the least number of equal steps at no more than `rate`, (S, 2)."""
     steps = math.ceil(abs(total) / (rate * step_time) - 1e-9)
     commands = np.zeros((steps, 2))
-    if steps:
-        commands[:, column] = total / (steps * step_time)
+    commands[:, column] = total / (steps * step_time) if steps else 0.0
     return commands
 
 

@@ -17,7 +17,7 @@ class Task:
         run: the function that does it, with the resolved job of a call.
         place: what a job writes: a run, of the windows of the call's experiment, recordings, or other outputs.
         once: whether it is done once for all runs of an outputs directory, so that it cannot be swept.
-        trains: whether it trains networks, or plans to.
+        trains: whether it trains networks.
         names_scale: whether a scale that was not chosen is worth a line.
         needs: the key that must be set.
         own: keys that only this task, and others that name them, use.

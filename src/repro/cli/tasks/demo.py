@@ -12,8 +12,8 @@ def run(job: Job) -> None:
     """
     print("loading ONNX Runtime Web and the networks", flush=True)
     from repro.cli.prediction import load
+    from repro.demo.demo_page import render
     from repro.demo.networks import demo_network
-    from repro.demo.page import render
     from repro.demo.runtime import load_runtime
     from repro.system.files import write_text
 

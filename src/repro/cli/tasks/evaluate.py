@@ -15,7 +15,7 @@ def run(job: Job) -> None:
         say(f"evaluating {job.run}")
     from repro.baselines.titles import QUICK_BASELINES
     from repro.cli.output import summary_line
-    from repro.evaluation.evaluate import check_trained, evaluate, evaluate_baseline
+    from repro.evaluation.scoring import check_trained, evaluate, evaluate_baseline
 
     check_trained(job.run)
     job.run.check(job.config)

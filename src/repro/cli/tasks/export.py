@@ -18,7 +18,7 @@ def _seed_suffix(key: RunKey) -> str:
 def run(job: Job) -> None:
     """Write the weights as float16 into reproduce/results, or with format=onnx an ONNX file into the outputs."""
     print(f"exporting {job.run}, after PyTorch is loaded", flush=True)
-    from repro.reporting.export import export_run, export_weights
+    from repro.reporting.network_export import export_run, export_weights
 
     name = f"exp{job.key.experiment}-{job.key.model}"
     if job.call.format == "onnx":

@@ -22,7 +22,7 @@ def run(job: Job) -> None:
     print(f"loading what drives a robot by the maps of {job.call.navigation.mapper}", flush=True)
     from repro.navigation.trials import Seeds, Trials
     from repro.recordings.datasets import grid_of
-    from repro.reporting.navigation import write_results
+    from repro.reporting.navigation_tables import write_results
     from repro.runs.devices import few_threads
     from repro.runs.provenance import environment
 
@@ -41,7 +41,7 @@ def run(job: Job) -> None:
 def _mapper(job: Job, grid: "Grid", name: str) -> tuple[str, "Mapper"]:
     """Return the name and the mapper of a call; that of a network has the name of its architecture and encoding."""
     from repro.baselines.registry import TRACKER
-    from repro.evaluation.evaluate import evaluate_baseline
+    from repro.evaluation.scoring import evaluate_baseline
     from repro.learning.networks.trained import load_trained, module_of
     from repro.navigation.mappers import CLASSICAL, network_mapper, tracker_mapper
     from repro.networks.predictor import load_predictor

@@ -8,7 +8,7 @@ def run(job: Job) -> None:
     """Publish the results and update the generated tables."""
     print(f"reading {job.outputs.path}", flush=True)
     from repro.cli.generated_documents import update_docs
-    from repro.reporting.publish import publish
+    from repro.reporting.publication import publish
 
     print(f"published {publish(job.outputs, RESULTS, force=job.call.publish.force)}")
     update_docs()

@@ -68,7 +68,7 @@ class ConvGRU(nn.Module, PyTorchModelHubMixin):
         if indexed:
             self.of_part = nn.Parameter(torch.zeros(frames, 2 * hidden, 1, 1))
         if centered:
-            self.from_distance, self.detail_from_distance = (nn.Conv2d(3, each, 1) for each in (hidden, DETAIL))
+            self.from_distance, self.detail_from_distance = (nn.Conv2d(3, channels, 1) for channels in (hidden, DETAIL))
             for layer in (self.from_distance, self.detail_from_distance):
                 for weights in layer.parameters():
                     nn.init.zeros_(weights)  # the distance has no effect before the training

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from repro.learning.networks.export import write_onnx
+from repro.learning.networks.onnx_export import write_onnx
 from repro.learning.networks.torch_files import DESCRIPTION, read_torch, write_torch
 from repro.networks.predictor import Predictor, create_predictor, description_of
 from repro.networks.weights import locate

@@ -17,8 +17,8 @@ import pandas as pd
 
 from repro.baselines.titles import rank
 from repro.evaluation.breakdown import TestSet, by_last_hit, by_recency, load_test_set
-from repro.evaluation.evaluate import read_per_image, read_quantized
 from repro.evaluation.recency import RECENCY
+from repro.evaluation.scoring import read_per_image, read_quantized
 from repro.learning.networks.create import create_network
 from repro.metrics.bootstrap import Measured, by_world, draw_weights, intervals, resample
 from repro.metrics.calibration import reliability, summary

@@ -74,6 +74,6 @@ def _difference(network: nn.Module, exported: OnnxNetwork, example: torch.Tensor
     """Return the largest difference of a probability over inputs of several batch sizes, uniform, white and black."""
     inputs = [example, example[:1], torch.cat([example.round(), torch.ones_like(example[:1])]), 0 * example[:1]]
     with torch.inference_mode():
-        pairs = [(network(each), torch.from_numpy(exported(each.numpy()))) for each in inputs]
+        pairs = [(network(images), torch.from_numpy(exported(images.numpy()))) for images in inputs]
     differences = [float((one.sigmoid() - other.sigmoid()).abs().max()) for one, other in pairs]
     return math.nan if np.isnan(differences).any() else max(differences)

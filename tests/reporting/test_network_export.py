@@ -17,7 +17,7 @@ from repro.maps.projection import Projection
 from repro.maps.statistics import TITLES
 from repro.networks.predictor import Predictor, load_predictor
 from repro.recordings.format import spec_fingerprint
-from repro.reporting.export import CARD_METRICS, export_run, export_weights, hub_metadata, make_card
+from repro.reporting.network_export import CARD_METRICS, export_run, export_weights, hub_metadata, make_card
 from repro.reporting.paper import WORLDS
 from repro.runs.directories import Run
 from repro.runs.model import paper_model
@@ -60,10 +60,10 @@ def test_an_onnx_export_predicts_as_the_run_does(run, tmp_path):
         assert (found.encoding, found.grid) == (expected.encoding, expected.grid)
         assert np.allclose(found.predict_images([images]), expected.predict_images([images]), atol=1e-4)
     text = (target / "README.md").read_text()
-    properties = {each.key: each.value for each in onnx.load(target / "model.onnx").metadata_props}
+    properties = {entry.key: entry.value for entry in onnx.load(target / "model.onnx").metadata_props}
     assert properties["repro.model_card"] == text
     results = check_card(text).data.eval_results
-    assert {each.metric_type: each.metric_value for each in results} == pytest.approx(
+    assert {result.metric_type: result.metric_value for result in results} == pytest.approx(
         {name: 0.1 * number for number, name in enumerate(CARD_METRICS, 1)}
     )
 
@@ -95,7 +95,7 @@ def test_the_published_card_and_statistics_are_complete():
     card = check_card((PUBLISHED / "README.md").read_text())
     runs = pd.read_csv(PUBLISHED.parent / "runs.csv").astype({"experiment": str, "seed": str})
     row = runs.query("experiment == '4' and model == 'unet' and encoding == 'projection' and seed == '0.0'").iloc[0]
-    measured = {each.metric_type: each.metric_value for each in card.data.eval_results}
+    measured = {result.metric_type: result.metric_value for result in card.data.eval_results}
     assert measured == pytest.approx({name: row[name] for name in CARD_METRICS}, abs=1e-4)
     statistics = load_trained(PUBLISHED).statistics
     assert statistics.windows == 3000
@@ -116,7 +116,7 @@ def test_the_card_names_the_file_of_its_worlds(file, experiment, words, tmp_path
         worlds = spec_fingerprint(world_spec(read_world(WORLDS.with_name(f"{file}.yaml")), experiment))
     run = fake_run(tmp_path, experiment, "unet", 0.4, worlds=worlds)
     card = make_card(run, "model", "float32 weights")
-    assert all(each in card for each in words.split(" | "))
+    assert all(word in card for word in words.split(" | "))
     assert ("conf/world/paper.yaml" in card) == (file == "paper")
 
 

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from conftest import ROOT, run_config
 
-from repro.evaluation.analysis import ANALYZED, averages, gather
 from repro.evaluation.breakdown import by_last_hit, by_recency, load_test_set
-from repro.evaluation.evaluate import evaluate, evaluate_baseline
+from repro.evaluation.frames import ANALYZED, averages, gather
 from repro.evaluation.recency import NEVER_IN_VIEW, RECENCY, age_group, newest_hits_of_obstacles, pixel_groups
+from repro.evaluation.scoring import evaluate, evaluate_baseline
 from repro.learning.networks.create import create_network
 from repro.learning.training import train
 from repro.maps.grid import Grid
@@ -116,7 +116,7 @@ def test_frames_are_gathered_from_all_evaluated_runs(frames):
     assert (frames["cost"]["channels"] == 1).all()
     for row in frames["cost"].itertuples():
         network = create_network(paper_model(row.model))
-        assert row.parameters == sum(each.numel() for each in network.parameters())
+        assert row.parameters == sum(weights.numel() for weights in network.parameters())
 
 
 @pytest.mark.slow

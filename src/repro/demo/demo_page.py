@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from repro.demo.networks import DemoNetwork
-from repro.demo.runtime import VERSION, Runtime
+from repro.demo.runtime import VERSION, WebRuntime
 from repro.system.errors import InputError
 
 ASSETS = Path(str(files("repro.demo"))) / "assets"
 PAGE, WORKER = ("world.js", "drawing.js", "main.js"), ("visibility.js", "encodings.js", "worker.js")
 
 
-def render(networks: list[DemoNetwork], runtime: Runtime) -> str:
+def render(networks: list[DemoNetwork], runtime: WebRuntime) -> str:
     """Return the page.
 
     Args:

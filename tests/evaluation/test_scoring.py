@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 from conftest import prepared
 
-from repro.evaluation.evaluate import evaluate, measure, read_predictions
+from repro.evaluation.scoring import evaluate, measure, read_predictions
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.metrics.counts import counts_of, pooled_scores

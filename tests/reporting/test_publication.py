@@ -6,7 +6,7 @@ import pytest
 from conftest import ROOT, fake_run, fake_study
 
 from repro.reporting.documents import with_results
-from repro.reporting.publish import publish
+from repro.reporting.publication import publish
 from repro.reporting.results import keys_of, read_origins, read_published, read_results, read_rows
 from repro.reporting.tables import make_tables
 from repro.runs.config import EncodingChoice
