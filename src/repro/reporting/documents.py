@@ -37,8 +37,8 @@ CLAIMS_NOTE = """
 A claim holds if it holds in every experiment and network that it names, or in most where it speaks of most. The columns
 Ours and Paper show its hardest case: the number that leaves the least room to the claim, or the median where it speaks
 of most. Most numbers are differences between two results; that of the calibration is 0.02 minus the error. The interval
-of 95 % is in brackets, the claimed value and its tolerance in parentheses. A claim that a number exceeds a value needs a
-difference of at least the tolerance.
+of 95 % is in brackets, the claimed value and its tolerance in parentheses. A claim that a number exceeds a value needs
+a difference of at least the tolerance.
 
 """
 
