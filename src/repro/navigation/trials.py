@@ -151,8 +151,8 @@ class Trials:
         self.directory.mkdir(parents=True, exist_ok=True)
         self._check_courses()
         labels = [label_of(dict(zip(self.axes, values, strict=True))) for values in product(*self.axes.values())]
-        validation = self.episodes([("validation", *trial) for trial in design(labels, self.specs, seeds.validation)])
-        tested = Surface.of(validation).tested
+        self.episodes([("validation", *trial) for trial in design(labels, self.specs, seeds.validation)])
+        tested = Surface.of(self._known().query("split == 'validation'")).tested
         for label, count in zip(tested, [seeds.test] + [min(SHARED, seeds.test)] * (len(tested) - 1), strict=True):
             self.episodes([("test", name, number, label) for name in self.specs for number in range(count)])
         path = self.directory / ORIGIN
@@ -182,8 +182,8 @@ class Trials:
             pd.read_csv(path) if path.is_file() else pd.DataFrame(columns=["split", "experiment", "seed", "settings"])
         )
 
-    def episodes(self, wanted: Sequence[Wanted]) -> pd.DataFrame:
-        """Return episodes, and drive those that are missing, in batches of similar settings."""
+    def episodes(self, wanted: Sequence[Wanted]) -> None:
+        """Drive the episodes that are missing, in batches of similar settings."""
         rows = self._known()
         keys = [(split, experiment, FIRST[split] + number, label) for split, experiment, number, label in wanted]
         known = set(rows[INDEX].itertuples(index=False, name=None))
@@ -192,7 +192,6 @@ class Trials:
             driven = self._drive(missing[first : first + BATCH])
             rows = pd.concat([rows, driven], ignore_index=True) if len(rows) else driven
             write_text(self.directory / EPISODES, rows.to_csv(index=False, float_format="%.4f"))
-        return self._known().set_index(INDEX).loc[keys].reset_index()
 
     def _drive(self, keys: Sequence[Wanted]) -> pd.DataFrame:
         """Drive courses of several experiments, which have the same robot."""
