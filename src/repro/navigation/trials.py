@@ -178,9 +178,7 @@ class Trials:
     def _known(self) -> pd.DataFrame:
         """Return the episodes that were driven so far."""
         path = self.directory / EPISODES
-        return (
-            pd.read_csv(path) if path.is_file() else pd.DataFrame(columns=["split", "experiment", "seed", "settings"])
-        )
+        return pd.read_csv(path) if path.is_file() else pd.DataFrame(columns=INDEX)
 
     def episodes(self, wanted: Sequence[Wanted]) -> None:
         """Drive the episodes that are missing, in batches of similar settings."""
