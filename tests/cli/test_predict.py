@@ -111,25 +111,6 @@ def test_windows_unlike_those_of_the_training_are_named(tmp_path, predict):
 
 
 @pytest.mark.parametrize(
-    ("content", "status", "message"),
-    [
-        (b"", 1, "is empty"),
-        (None, 2, "No such file"),
-    ],
-)
-def test_a_file_that_is_no_log_ends_with_an_error_and_no_output(content, status, message, tmp_path, predict):
-    path = tmp_path / "log"
-    if content is not None:
-        path.write_bytes(content)
-    done = predict(f"scans={path}", f"outputs={tmp_path / 'out'}")
-    assert done.returncode == status
-    assert message in done.stderr
-    assert str(path) in done.stderr
-    assert "Traceback" not in done.stderr
-    assert not list((tmp_path / "out").rglob("predictions/*"))
-
-
-@pytest.mark.parametrize(
     ("log", "name"),
     [
         ("a/rooms.npz", "rooms"),

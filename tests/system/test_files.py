@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from repro.runs.csv_files import read_table
+from repro.runs.directories import read_table
 from repro.system.files import (
     clear_leftovers,
     lock,

@@ -23,7 +23,6 @@ def pixel_groups(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
 
     Args:
         scans: windows of scans, (B, T, N).
-        grid: the grid of the pixels.
         range_max_m: length of a beam without a hit [m].
 
     Returns:

@@ -23,7 +23,6 @@ def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: fl
 
     Args:
         scans: a batch of windows, see `Scans.batched`; the beam angles are evenly spaced and increasing.
-        grid: grid of the images.
         range_max_m: maximum range of the lidar [m].
         margin_m: distance behind the end of a beam up to which a pixel counts as visible [m]: plus half a pixel
             includes the surface that was hit, minus half a pixel excludes it.
@@ -193,7 +192,6 @@ def shown_pixels(maps: np.ndarray, poses: np.ndarray, grid: Grid) -> np.ndarray:
     Args:
         maps: true maps, uint8, (B, H, W); 1 is free.
         poses: poses of the lidars x, y [m], heading [rad], (B, 3).
-        grid: grid of the maps.
 
     Returns:
         whether each pixel is shown, bool, (B, H, W).

@@ -54,9 +54,7 @@ def record_experiment(
 
     Args:
         directory: directory of the shards, created if missing.
-        spec: what decides the worlds.
         pairs: recordings per split, each even, since a world and its twin are two recordings.
-        workers: number of processes.
         verify_every: interval [worlds] at which a world is replayed in plain IR-SIM and compared.
 
     Raises:
@@ -107,9 +105,6 @@ def write_shard(directory: Path, shard: Shard, spec: WorldSpec, verify_every: in
     """Record one shard and return its number of worlds.
 
     Args:
-        directory: directory of the shards.
-        shard: name and seeds of the shard.
-        spec: what decides the worlds.
         verify_every: interval [worlds] at which a world is replayed in plain IR-SIM and compared.
 
     Raises:

@@ -15,7 +15,6 @@ def progress(items: Iterable[Any] | None = None, description: str = "", **option
 
     Args:
         items: what is done one after another; None if `update` of the returned bar is called.
-        description: what is done.
         options: further options of tqdm, such as `total`.
     """
     is_terminal = sys.stderr.isatty() and multiprocessing.parent_process() is None  # no bars of several workers
