@@ -59,6 +59,7 @@ def main() -> int:
         worst = max(worst, (now[SHOWN].astype(float) - stored).abs().max())
         rows |= {(model, "published"): stored, (model, "now"): now[SHOWN]}
         if model == "unet":
+            print("comparing SSIM in float32 and bfloat16", flush=True)
             fine = load_recorded(open_recordings(recordings), "test", Grid(SIZE_PX, 50.0)).maps[:PAIRS]
             ratio = compare(enlarged(free[:PAIRS, 0]), fine, "bfloat16", "gpu")["ratio"]
     print(pd.DataFrame(rows).T.to_string(float_format="{:.4f}".format, na_rep=""))

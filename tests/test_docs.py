@@ -26,6 +26,7 @@ QUICK = """
 sed -i 's/  workers: 2/  workers: 1/; s/${default_launcher:}/basic/' conf/config.yaml
 echo 'TRACKER = {name: values[2:3] for name, values in TRACKER.items()}' >> src/repro/baselines/registry.py
 """
+EXTENDING = ROOT / "docs" / "extending.md"
 RECIPE = re.compile(r"^### (.+?)\n(.*?)(?=^##|\Z)", re.DOTALL | re.MULTILINE)
 
 
@@ -35,7 +36,7 @@ def named(path: Path) -> str:
 
 def recipes() -> dict[str, str]:
     """The recipes of docs/extending.md by title: sections with blocks that say which file they change."""
-    sections = RECIPE.findall((ROOT / "docs" / "extending.md").read_text())
+    sections = RECIPE.findall(EXTENDING.read_text())
     return {title: text for title, text in sections if "# file:" in text or "# replace in:" in text}
 
 
@@ -139,8 +140,9 @@ def test_recipe(title, tmp_path, python):
     project = copy_of_the_project(tmp_path)
     scripts = apply(recipes()[title], project)
     assert scripts, "a recipe ends with a command that uses it"
+    (tiny,) = apply(EXTENDING.read_text().partition("###")[0], project)
     run_script("ruff check --quiet . && ruff format --quiet --check .", project, python)
-    for script in (QUICK, *scripts):
+    for script in (QUICK, *(tiny + script for script in scripts)):
         run_script(script, project, python)
 
 

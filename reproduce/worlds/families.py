@@ -50,15 +50,16 @@ FAMILIES = {
     "paper": Family(),
     "25": Family(25, clear_m=8.5, growth=1.015),
     "faster": Family(speed_m_s=(0.3, 1.0), growth=1.02),
+    "little-faster": Family(speed_m_s=(0.25, 0.8), growth=1.007),
     "polygons": Family(shape="polygons"),
     "turns": Family(turn_steps=(20, 60)),
-    "25-faster": Family(25, clear_m=8.5, speed_m_s=(0.3, 1.0), growth=1.03),
+    "straight": Family(turn_steps=(100, 200)),
+    "little-faster-straight": Family(speed_m_s=(0.25, 0.8), turn_steps=(100, 200), growth=1.01),
     "discs": Family(shape="discs"),
     "rectangles": Family(shape="rectangles"),
     "20": Family(20, clear_m=8.5, growth=1.015),
     "15": Family(15, growth=1.015),
     "30": Family(30, clear_m=8.5, growth=1.02),
-    "fast": Family(speed_m_s=(0.5, 1.5), growth=1.06),
 }
 
 

@@ -23,13 +23,24 @@ def results(lower: float = 0.0, encodings=(PROJECTION, PROJECTION_NO_DECAY)) -> 
 def test_the_papers_own_tables_have_no_distance_and_its_effects():
     sentences = answer(results())
     assert sentences[0].replace("-0.000", "+0.000").count("+0.000") == 3
-    changes = {name: (ours, paper) for name, ours, paper in effects(beside_paper(results()))}
+    changes = {effect.name: (effect.ours, effect.paper) for effect in effects(beside_paper(results()))}
     paper = read_paper().query("model == 'average'").set_index(["experiment", "encoding"])["specificity"]
     without = (paper["3", PROJECTION_NO_DECAY] + paper["4", PROJECTION_NO_DECAY]) / 2
     moving, still = ((paper[one, PROJECTION] + paper[two, PROJECTION]) / 2 for one, two in (("3", "4"), ("1", "2")))
     assert changes["Without the time decay"] == pytest.approx((without - moving,) * 2, abs=1e-3)
     assert changes["Where obstacles move"] == pytest.approx((moving - still,) * 2, abs=1e-3)
+    assert sentences[-1].startswith("Without the time decay, the networks find on average ")
     assert f"(paper: {100 * (moving - without):.1f} fewer)" in sentences[-1]
+
+
+def test_one_network_is_named():
+    one = results().query("model == 'unet' and experiment in ('1', '3')")
+    sentences = answer(one)
+    assert sentences[0].endswith("(3 rows of the tables).")
+    assert [sentence.split(" finds")[0] for sentence in sentences[2:]] == [
+        "Where obstacles move, U-Net",
+        "Without the time decay, U-Net",
+    ]
 
 
 def test_the_effect_of_the_decay_is_shown_for_each_network_with_both_runs():

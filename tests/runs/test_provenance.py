@@ -20,15 +20,20 @@ def repository(tmp_path):
 
 
 @pytest.mark.parametrize("place", ["copy", "venv/lib/python3.11/site-packages/repro"])
-def test_code_inside_another_repository_has_not_its_commit(repository, monkeypatch, place):
+@pytest.mark.parametrize("stated", ["a1b2c3", None])
+def test_code_inside_another_repository_has_not_its_commit(repository, monkeypatch, place, stated):
     (repository / place).mkdir(parents=True)
     monkeypatch.setattr(provenance, "project_directory", lambda: repository / place)
-    assert _commit() is None
+    monkeypatch.delenv("REPRO_COMMIT", raising=False)
+    if stated:
+        monkeypatch.setenv("REPRO_COMMIT", stated)
+    assert _commit() == stated
 
 
-def test_a_checkout_has_its_own_commit():
+def test_a_checkout_has_its_own_commit(monkeypatch):
     if not (ROOT / ".git").exists():
         pytest.skip("this is no checkout")
+    monkeypatch.setenv("REPRO_COMMIT", "a1b2c3")
     assert re.fullmatch(r"[0-9a-f]{40}\+?", str(_commit()))
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import hydra
+import yaml
 from hydra._internal.callbacks import Callbacks
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
@@ -31,6 +32,8 @@ from repro.cli.tasks import summaries, tasks
 from repro.runs.config import NO_DECAY, EncodingChoice
 from repro.runs.keys import RunKey
 from repro.runs.parallel import has_gpu, parallel_trainings
+from repro.system.errors import InputError
+from repro.system.files import check_size
 from repro.system.progress import progress
 from repro.system.project import conf_directory
 from repro.worlds.spec import plain
@@ -61,6 +64,7 @@ for _name, _resolver in RESOLVERS.items():
     OmegaConf.register_new_resolver(_name, _resolver, replace=True)
 
 
+MAX_VALUES = 20_000  # of a file of a group; Hydra takes a second for as many
 MAX_JOBS = 2000  # of a sweep, which are composed before the first one runs
 
 
@@ -119,6 +123,9 @@ def composed(arguments: argparse.Namespace) -> Iterator[list[Composed]]:
         if not os.path.isdir(arguments.config_dir):
             raise Refused(f"--config-dir={arguments.config_dir}: is not a directory")
         overrides.append(f"hydra.searchpath=[file://{Path(arguments.config_dir).absolute()}]")
+    places = [conf_directory(), Path(arguments.config_dir or conf_directory())]
+    if errors := list(dict.fromkeys(_file_errors(overrides, places))):
+        raise Refused(*errors)
     with hydra.initialize_config_dir(str(conf_directory()), version_base="1.3"):
         try:
             jobs = _jobs(overrides, arguments.multirun)
@@ -152,6 +159,21 @@ def _jobs(overrides: list[str], multirun: bool) -> list[list[str]]:
     if not 1 <= jobs <= MAX_JOBS:
         raise Refused(f"the sweep has {jobs or 'no'} jobs: expected 1 to {MAX_JOBS}")
     return [[f"{key}={value}" for key, value in zip(values, job, strict=True)] for job in product(*values.values())]
+
+
+def _file_errors(overrides: list[str], places: list[Path]) -> Iterator[str]:
+    """Yield which chosen files would take long to compose, since their aliases stand for many values."""
+    for group, _, names in (override.partition("=") for override in overrides):
+        files = (place / group / f"{name}.yaml" for name in re.split(r"[,'\"]+", names) for place in places)
+        for path in filter(Path.is_file, files if group in GROUPS else ()):
+            try:
+                text = path.read_text(encoding="utf-8")
+                if "*" in text:
+                    check_size(yaml.safe_load(text), MAX_VALUES)
+            except InputError as error:
+                yield f"{path}: {error}"
+            except (OSError, ValueError, YAMLError, RecursionError):  # which Hydra names
+                continue
 
 
 def _override_errors(override: Override) -> Iterator[str]:

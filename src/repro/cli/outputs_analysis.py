@@ -78,5 +78,5 @@ def _write_page(outputs: Outputs, frames: dict[str, pd.DataFrame], results: pd.D
     write_tables(outputs.tables, results)
     page = render(outputs.path, results, frames, images_of(outputs.figures, outputs.analysis))
     write_text(outputs.path / "report.html", page)
-    print(f"Page, with the answer at the top and all figures: {outputs.path / 'report.html'}")
-    print(effects_line(results) or "no two runs show an effect of motion or of the decay", flush=True)
+    found = effects_line(results) or "no two runs show an effect of motion or of the decay"
+    print(f"{found}; {outputs.path / 'report.html'} has all tables and figures", flush=True)

@@ -28,6 +28,7 @@ from repro.runs.provenance import Status
 from repro.system.arrays import open_arrays
 from repro.system.errors import InputError
 from repro.system.files import replacing, sha256, write_text
+from repro.system.progress import say
 
 FILES = ("predictions.npz", "per_image.csv", "metrics.csv")  # written together; their checksums are in the provenance
 
@@ -87,7 +88,7 @@ def evaluate_baseline(outputs: Outputs, config: RunConfig, name: str) -> None:
     run = outputs.run(config.key)
     if not run.is_evaluated:
         open_recordings(recordings).check_worlds(config.data.worlds)
-        print(f"evaluating {run}", flush=True)
+        say(f"evaluating {run}")
     run.prepare(config)
     evaluate(run, recordings)
 

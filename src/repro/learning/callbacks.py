@@ -11,7 +11,7 @@ import pandas as pd
 from lightning.pytorch.callbacks import Callback, EarlyStopping, ModelCheckpoint
 
 from repro.system.files import write_text
-from repro.system.progress import progress
+from repro.system.progress import progress, say
 
 
 @dataclass
@@ -48,7 +48,7 @@ class History(Callback):
     def on_train_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
         if self.rows:
             self._write()
-            print(f"{self.label}  resuming after epoch {len(self.rows)} of {trainer.max_epochs}", flush=True)
+            say(f"{self.label}  resuming after epoch {len(self.rows)} of {trainer.max_epochs}")
 
     def on_train_epoch_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
         self.since = time.monotonic()
@@ -67,10 +67,9 @@ class History(Callback):
         seconds = round(time.monotonic() - self.since, 2)
         self.rows.append({"epoch": trainer.current_epoch, **values, "seconds": seconds})
         self._write()
-        print(
+        say(
             f"{self.label}  epoch {len(self.rows)} of {trainer.max_epochs}  train {values['train_loss']:.4f}  "
-            f"val {values['val_loss']:.4f}  {seconds:.1f} s",
-            flush=True,
+            f"val {values['val_loss']:.4f}  {seconds:.1f} s"
         )
 
     def _write(self) -> None:

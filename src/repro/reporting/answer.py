@@ -3,6 +3,8 @@
 Obstacles that move, and a projection without time decay, lower the specificity, the share of obstacle pixels found.
 """
 
+from dataclasses import dataclass
+
 import pandas as pd
 
 from repro.baselines.titles import rank
@@ -69,38 +71,57 @@ def answer(results: pd.DataFrame) -> list[str]:
         return []
     networks = found[found.index.get_level_values("model") != "average"]
     gaps = (networks["ours"] - networks["paper"]).agg(["mean", "min", "max"])
+    rows = "1 row of the tables" if len(networks) == 1 else f"{len(networks)} rows of the tables"
     sentences = [
         f"{metric.capitalize()} differs from the paper's by {gaps.loc['mean', metric]:+.3f} on average, "
-        f"{gaps.loc['min', metric]:+.3f} to {gaps.loc['max', metric]:+.3f} ({len(networks)} networks and experiments)."
+        f"{gaps.loc['min', metric]:+.3f} to {gaps.loc['max', metric]:+.3f} ({rows})."
         for metric in CLOSE
     ]
-    for name, ours, paper in effects(found):
-        more = "fewer" if ours < 0 else "more"
-        change = f"{100 * abs(ours):.1f} percentage points {more} of the obstacle pixels"
-        sentences.append(f"{name}, the networks find {change} (paper: {-100 * paper:.1f} fewer).")
+    for effect in effects(found):
+        who = f"{model_title(*effect.models)} finds" if len(effect.models) == 1 else "the networks find on average"
+        change = f"{100 * abs(effect.ours):.1f} percentage points {'fewer' if effect.ours < 0 else 'more'}"
+        sentences.append(
+            f"{effect.name}, {who} {change} of the obstacle pixels (paper: {-100 * effect.paper:.1f} fewer)."
+        )
     return sentences
 
 
-def effects(found: pd.DataFrame) -> list[tuple[str, float, float]]:
-    """Return the mean change of the specificity by each effect, ours and the paper's, see `beside_paper`.
+@dataclass(frozen=True)
+class Effect:
+    """A change of the specificity.
 
-    It is over the networks with both runs, and over the experiments.
+    Args:
+        name: what changes it.
+        models: the networks that have runs with and without.
+        ours: mean over them and the experiments.
+        paper: the same of the paper's.
     """
+
+    name: str
+    models: frozenset[str]
+    ours: float
+    paper: float
+
+
+def effects(found: pd.DataFrame) -> list[Effect]:
+    """Return the paper's two effects, of those that two runs show, see `beside_paper`."""
     spec = found.xs("specificity", axis=1, level=1)
     spec = spec[spec.index.get_level_values("model") != "average"].reset_index()
     usual = spec[spec["encoding"] == PROJECTION]
     moving = spec[spec["encoding"] == PROJECTION_NO_DECAY].merge(usual, on=["experiment", "model"])
     still = usual.assign(experiment=usual["experiment"].map(TWINS)).merge(usual, on=["experiment", "model"])
-    changes = {
-        "Where obstacles move": still[["ours_y", "paper_y"]].to_numpy() - still[["ours_x", "paper_x"]].to_numpy(),
-        "Without the time decay": moving[["ours_x", "paper_x"]].to_numpy() - moving[["ours_y", "paper_y"]].to_numpy(),
-    }
-    return [(name, *map(float, change.mean(0))) for name, change in changes.items() if len(change)]  # type: ignore[misc]
+    pairs = {"Where obstacles move": (still, "y", "x"), "Without the time decay": (moving, "x", "y")}
+    shown = []
+    for name, (rows, after, before) in pairs.items():
+        if len(rows):
+            ours, paper = ((rows[f"{of}_{after}"] - rows[f"{of}_{before}"]).mean() for of in ("ours", "paper"))
+            shown.append(Effect(name, frozenset(rows["model"]), ours, paper))
+    return shown
 
 
 def effects_line(results: pd.DataFrame) -> str:
     """Return the two effects as one line; empty without runs that show one."""
     found = beside_paper(results)
     shown = [] if found.empty else effects(found)
-    changes = "; ".join(f"{name.lower()} {ours:+.2f} (paper {paper:+.2f})" for name, ours, paper in shown)
+    changes = "; ".join(f"{effect.name.lower()} {effect.ours:+.2f} (paper {effect.paper:+.2f})" for effect in shown)
     return f"specificity, the share of obstacle pixels found: {changes}" if changes else ""

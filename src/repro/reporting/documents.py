@@ -34,11 +34,11 @@ COSTS = {
     "cuda_eager_ms": ("GPU, eager [ms]", 1),
 }
 CLAIMS_NOTE = """
-Most claims are tested in several cases, such as experiments and networks, and hold if they hold in all of them. Ours is
-the value of the case in which our numbers come closest to failing, Paper that of the paper's closest case (the median
-case where a claim is about most). Most values are differences; for the calibration, 0.02 minus the error. In brackets
-is the interval of 95 %, in parentheses the claimed value, for the paper's tables that of the paper, and its tolerance.
-A claim that a number exceeds a value needs a difference of at least the tolerance.
+A claim holds if it holds in every experiment and network that it names, or in most where it speaks of most. The columns
+Ours and Paper show its hardest case: the number that leaves the least room to the claim, or the median where it speaks
+of most. Most numbers are differences between two results; that of the calibration is 0.02 minus the error. The interval
+of 95 % is in brackets, the claimed value and its tolerance in parentheses. A claim that a number exceeds a value needs
+a difference of at least the tolerance.
 
 """
 

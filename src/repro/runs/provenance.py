@@ -1,6 +1,7 @@
 """Status and provenance of a run: the time, software, hardware and commit of each of its steps."""
 
 import enum
+import os
 import platform
 import subprocess
 from dataclasses import dataclass, field
@@ -97,7 +98,8 @@ def _version(package: str) -> str | None:
 def _commit() -> str | None:
     """Return the commit of the source, with `+` if the working tree has changes.
 
-    None outside a checkout: a copy or an installation may lie in another repository, whose commit says nothing.
+    Outside a checkout, return the environment variable REPRO_COMMIT, which is set for code that was copied without its
+    Git history, else None. A copy or an installation may lie in another repository, whose commit says nothing.
     """
     root = project_directory()
     git = ["git", "-C", str(root)]
@@ -107,5 +109,5 @@ def _commit() -> str | None:
         head = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, check=True).stdout
         dirty = subprocess.run([*git, "status", "--porcelain"], capture_output=True, text=True, check=True).stdout
     except (OSError, subprocess.CalledProcessError):
-        return None
+        return os.environ.get("REPRO_COMMIT") or None
     return head.strip() + ("+" if dirty.strip() else "")

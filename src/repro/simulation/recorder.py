@@ -34,7 +34,7 @@ from repro.simulation.sensing import sensed
 from repro.simulation.simulator import Recording, check_replay, simulate
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, replacing, sha256, write_json
-from repro.system.progress import progress
+from repro.system.progress import progress, say
 from repro.worlds.spec import WorldSpec
 
 VERIFY_EVERY = 500  # worlds, of which one is replayed in plain IR-SIM
@@ -150,7 +150,7 @@ def _is_whole(path: Path, fingerprint: str, checksum: str | None) -> bool:
         elif sha256(path) != checksum:
             raise BrokenShard(f"shard {path} is not what was recorded")
     except BrokenShard as error:
-        print(f"recording again: {error}", flush=True)
+        say(f"recording again: {error}")
         return False
     return True
 
@@ -161,7 +161,7 @@ def _write_shards(directory: Path, shards: list[Shard], spec: WorldSpec, workers
     done = worlds - sum(shard.worlds for shard in shards)
     with (
         process_pool(workers, return_as="generator_unordered") as parallel,
-        progress(description=f"recording exp {spec.experiment}", total=2 * worlds, initial=2 * done) as bar,
+        progress(description=f"recording exp {spec.experiment}", total=2 * worlds, done=2 * done) as bar,
     ):
         for written in parallel(jobs):
             bar.update(2 * written)

@@ -21,7 +21,7 @@ from repro.system.errors import InputError
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
-MAX_BYTES = 2**26  # of a small file
+MAX_BYTES, MAX_VALUES = 2**26, 1_000_000  # of a small file
 LEFTOVER = re.compile(r"(.+)\.[0-9a-f]{32}(\.old)?\.tmp")  # temporary names that this module creates
 
 
@@ -146,12 +146,33 @@ def read_mapping(path: Path, fix: str) -> dict[str, Any]:
             if path.suffix == ".json"
             else yaml.safe_load(path.read_text(encoding="utf-8"))
         )
+        if path.suffix != ".json":
+            check_size(content)
     except (OSError, ValueError, yaml.YAMLError, RecursionError) as error:
         problem = "it is nested too deeply" if isinstance(error, RecursionError) else first_line(error)
         raise InputError(f"{path} cannot be read ({problem}): {fix}") from error
     if not isinstance(content, dict):
         raise InputError(f"{path} cannot be read (expected a mapping, got {type(content).__name__}): {fix}")
     return content
+
+
+def check_size(content: Any, most: int = MAX_VALUES) -> None:
+    """Refuse what aliases of YAML make of a few bytes: the values that it would have without them are counted.
+
+    Raises:
+        InputError: there are more than `most`.
+    """
+    sizes: dict[int, int] = {}
+
+    def size_of(value: Any) -> int:
+        parts = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+        if id(value) not in sizes or not parts:
+            sizes[id(value)] = MAX_VALUES  # of one that contains itself
+            sizes[id(value)] = 1 + sum(map(size_of, parts))
+        return sizes[id(value)]
+
+    if (size := size_of(content)) > most:
+        raise InputError(f"its aliases stand for {size:,} values, expected at most {most:,}")
 
 
 def read_typed(kind: type[T], path: Path, fix: str) -> T:

@@ -2,6 +2,7 @@
 
 from repro.cli.jobs import Job
 from repro.cli.tasks import Task, evaluate, record, train
+from repro.system.progress import say
 
 
 def run(job: Job) -> None:
@@ -13,7 +14,7 @@ def run(job: Job) -> None:
     if all(run.is_evaluated for run in runs):
         job.run.prepare(job.config)
         job.run.check_files()
-        print(f"done already: {job.run.done}", flush=True)
+        say(f"done already: {job.run.done}")
         return
     if not job.run.is_evaluated:
         job.run.check(job.config)

@@ -2,6 +2,7 @@
 
 from repro.cli.jobs import Job
 from repro.cli.tasks import Task
+from repro.system.progress import say
 
 
 def run(job: Job) -> None:
@@ -11,7 +12,7 @@ def run(job: Job) -> None:
         InputError: the run is not trained, of another configuration, or damaged.
     """
     if not job.run.is_evaluated:
-        print(f"evaluating {job.run}", flush=True)
+        say(f"evaluating {job.run}")
     from repro.baselines.titles import QUICK_BASELINES
     from repro.cli.output import summary_line
     from repro.evaluation.scoring import check_trained, evaluate, evaluate_baseline
@@ -20,10 +21,10 @@ def run(job: Job) -> None:
     job.run.check(job.config)
     if job.run.is_evaluated:
         job.run.check_files()
-        print(f"done already: {job.run.done}")
+        say(f"done already: {job.run.done}")
     else:
         row = evaluate(job.run, job.recordings, accelerator=job.call.runtime.accelerator)
-        print(f"{job.run}, test: {summary_line(row)}", flush=True)
+        say(f"{job.run}, test: {summary_line(row)}")
     for name in QUICK_BASELINES:
         evaluate_baseline(job.outputs, job.config, name)
 

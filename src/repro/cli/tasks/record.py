@@ -2,13 +2,14 @@
 
 from repro.cli.jobs import Job
 from repro.cli.tasks import Task
+from repro.system.progress import say
 
 
 def run(job: Job) -> None:
     """Record an experiment; compare it with what the paper's tables imply and with the published one."""
     directory = job.recordings
     is_new = not (directory / "manifest.json").is_file()
-    print(f"{'recording' if is_new else 'checking'} {directory}: {sum(job.pairs.values())} recordings", flush=True)
+    say(f"{'recording' if is_new else 'checking'} {directory}: {sum(job.pairs.values())} recordings")
     from repro.simulation.recorder import record_experiment  # takes seconds
 
     record_experiment(directory, job.spec, job.pairs, workers=job.call.runtime.workers)
@@ -27,15 +28,18 @@ def _describe(job: Job) -> None:
     recordings = open_recordings(job.recordings)
     found = coverage_and_visibility(recordings, "test", Grid(data.size_px, data.size_m))
     target = targets(experiment) if are_papers(data.worlds) else {}
-    print(f"exp {experiment}: {sum(job.pairs.values())} recordings in {job.recordings}; of the test maps:")
-    print(f"  coverage {found['coverage']:.4f}" + (f", the paper implies {target['coverage']:.4f}" if target else ""))
     bound = f", must exceed the paper's specificity {target['specificity']:.4f}" if target else ""
-    print(f"  visibility {found['visibility']:.4f}{bound}")
+    lines = [
+        f"exp {experiment}: {sum(job.pairs.values())} recordings in {job.recordings}; of the test maps:",
+        f"  coverage {found['coverage']:.4f}" + (f", the paper implies {target['coverage']:.4f}" if target else ""),
+        f"  visibility {found['visibility']:.4f}{bound}",
+    ]
     published = recordings_of(read_origins(job.reference), experiment) if job.reference.is_dir() else set()
     if published:
         same = recordings.hash(job.pairs) in published
         equal = "equal to" if same else "different in worlds, rounding or number of pairs from"
-        print(f"  {equal} the recordings of {job.reference}")
+        lines.append(f"  {equal} the recordings of {job.reference}")
+    say("\n".join(lines))
 
 
 TASK = Task(run, "recordings")

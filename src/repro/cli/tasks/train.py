@@ -5,6 +5,7 @@ from typing import Any
 
 from repro.cli.jobs import Job
 from repro.cli.tasks import Task
+from repro.system.progress import say
 
 
 def run(job: Job) -> None:
@@ -12,7 +13,7 @@ def run(job: Job) -> None:
     job.outputs.check_data(job.config)
     job.run.prepare(job.config)
     if not job.run.is_trained:
-        print(f"training {job.run}, after PyTorch is loaded", flush=True)
+        say(f"training {job.run}, after PyTorch is loaded")
     from repro.learning.training import train  # takes seconds
     from repro.runs.parallel import use_idle_cores
     from repro.runs.provenance import Status
@@ -27,7 +28,7 @@ def run(job: Job) -> None:
         budget=process_budget(runtime.max_minutes),
     )
     if status is Status.paused:
-        print(f"paused {job.run}: the time limit is reached, the same command resumes")
+        say(f"paused {job.run}: the time limit is reached, the same command resumes")
 
 
 @cache
