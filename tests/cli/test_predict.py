@@ -67,11 +67,7 @@ def test_a_log_without_a_maximum_range_is_reported_and_an_option_gives_it(tmp_pa
 
 
 def test_the_example_is_predicted_as_by_the_predictor(tmp_path, predict):
-    options = (
-        "prediction.stride_s=10",
-        "prediction.weights=rooms",
-        "prediction.center=[12.5,12.5]",
-    )
+    options = ("prediction.stride_s=10", "prediction.weights=rooms", "prediction.center=[12.5,12.5]")
     done = predict(f"scans={EXAMPLE}", *options, f"outputs={tmp_path}")
     assert done.returncode == 0, done.stderr
     directory = tmp_path / "predictions" / "rooms"

@@ -110,11 +110,7 @@ def test_a_training_refuses_damaged_shards(copy):
     assert "task=record" in message
 
 
-@pytest.mark.parametrize(
-    "key",
-    [RunKey("4", "fpn", PROJECTION, 1), RunKey("1", "fpn", PROJECTION, 0)],
-    ids=str,
-)
+@pytest.mark.parametrize("key", [RunKey("4", "fpn", PROJECTION, 1), RunKey("1", "fpn", PROJECTION, 0)], ids=str)
 def test_a_copied_run_is_named(copy, key):
     target = Outputs(copy).run(key)
     shutil.copytree(run_of(copy), target.path)

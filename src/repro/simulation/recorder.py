@@ -41,12 +41,7 @@ VERIFY_EVERY = 500  # worlds, of which one is replayed in plain IR-SIM
 
 
 def record_experiment(
-    directory: Path,
-    spec: WorldSpec,
-    pairs: dict[str, int],
-    *,
-    workers: int = 2,
-    verify_every: int = VERIFY_EVERY,
+    directory: Path, spec: WorldSpec, pairs: dict[str, int], *, workers: int = 2, verify_every: int = VERIFY_EVERY
 ) -> Manifest:
     """Record the missing, truncated or altered shards of one experiment and write its manifest.
 

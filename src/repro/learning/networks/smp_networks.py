@@ -57,10 +57,7 @@ class FusedSegformerDecoder(SegformerDecoder):
         return activation(normalization(sum(F.interpolate(part, size, mode="bilinear") for part in fused)))
 
 
-FASTER: dict[type, type] = {
-    SegformerDecoder: FusedSegformerDecoder,
-    UnetDecoderBlock: LeanUnetBlock,
-}
+FASTER: dict[type, type] = {SegformerDecoder: FusedSegformerDecoder, UnetDecoderBlock: LeanUnetBlock}
 
 
 def replace_slow_modules(network: torch.nn.Module) -> None:
