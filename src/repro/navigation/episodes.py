@@ -72,12 +72,7 @@ class Fleet:
     """
 
     def __init__(
-        self,
-        spec: WorldSpec,
-        courses: Sequence[Course],
-        mapper: Mapper,
-        settings: dict[str, Any],
-        grid: Grid,
+        self, spec: WorldSpec, courses: Sequence[Course], mapper: Mapper, settings: dict[str, Any], grid: Grid
     ) -> None:
         robot, lidar = spec.robot.irsim(), spec.lidar.irsim()
         self.step_s, self.range_max_m = spec.world.step_time, spec.lidar.range_max

@@ -15,7 +15,7 @@ def run(job: Job) -> None:
     """Predict the map at the end of every window of the log."""
     assert job.call.scans, "validated"
     print(f"loading {job.call.prediction.weights}, then {' and '.join(map(str, job.call.scans))}", flush=True)
-    from repro.cli.prediction import predict_log  # takes seconds
+    from repro.cli.log_prediction import predict_log  # takes seconds
 
     predict_log(job, target_of(job))
 
