@@ -49,7 +49,7 @@ SCHEDULE = Training(  # ours
     min_delta=0.0,
     patience=1000,
     batch_size=4,
-    max_epochs=1,
+    max_epochs=2,
     dice_eps=1e-6,
     flip_augmentation=True,
 )
