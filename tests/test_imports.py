@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
 
@@ -18,11 +19,7 @@ OF_THE_STUDY = (
     *("torch", "safetensors", "irsim", "hydra", "omegaconf", "lightning", "segmentation_models_pytorch", "timm"),
     *("pandas", "sklearn", "shapely", "joblib", "jinja2", "uncertainties", "onnx", "huggingface_hub"),
 )
-WITHOUT_SIMULATOR = (
-    "repro.learning.training",
-    "repro.evaluation.scoring",
-    "repro.recordings.reader",
-)
+WITHOUT_SIMULATOR = ("repro.learning.training", "repro.evaluation.scoring", "repro.recordings.reader")
 
 
 def trees() -> dict[str, ast.Module]:
@@ -96,6 +93,13 @@ def test_the_library_names_no_package_of_the_study():
         for package in {other.split(".")[0] for other in imports_of(tree)} & set(OF_THE_STUDY)
     }
     assert not named
+
+
+def test_modules_and_classes_have_names_of_their_own():
+    """But for tasks, which are named for what they do."""
+    modules = Counter(name.rpartition(".")[2] for name in TREES if not is_package(name) and "cli.tasks" not in name)
+    classes = Counter(node.name for tree in TREES.values() for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
+    assert [name for name, count in (modules + classes).items() if count > 1] == []
 
 
 def test_the_module_graph_has_no_cycle():

@@ -19,10 +19,7 @@ RANGES, ANGLES, POSES = (getattr(window(), name) for name in ("ranges", "angles"
     ("arrays", "message"),
     [
         *(([*map(np.zeros, shapes)], ".*".join(map(re.escape, map(str, shapes)))) for shapes in SHAPES),
-        (
-            (np.ma.masked_greater(RANGES, 0.5), ANGLES, POSES),
-            "ranges: expected a plain array .*, got a masked one",
-        ),
+        ((np.ma.masked_greater(RANGES, 0.5), ANGLES, POSES), "ranges: expected a plain array .*, got a masked one"),
         ((RANGES.astype(str), ANGLES, POSES), "ranges: expected floating-point numbers"),
         ((RANGES, ANGLES + 0j, POSES), "angles: expected real numbers, got complex128"),
         ((RANGES, ANGLES, [[0.0, 0.0, 0.0], [1.0]]), "poses: expected an array of real numbers, got list"),

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repro.cli.prediction import load
+from repro.cli.log_prediction import load
 from repro.maps.grid import Grid
 from repro.networks.predictor import Predictor
 from repro.runs.devices import one_thread

@@ -10,7 +10,7 @@ from shapely import affinity
 
 from repro.baselines import registry, tracker
 from repro.baselines.occupancy_grids import log_odds_grid, observation, transitional_grid
-from repro.baselines.registry import PREDICTORS, climb, dilate, steps_since_free
+from repro.baselines.registry import PREDICTORS, climb, dilate, steps_since_free, tune
 from repro.baselines.titles import BASELINES
 from repro.evaluation.scoring import evaluate
 from repro.maps.grid import Grid
@@ -90,6 +90,17 @@ def test_dilation_draws_discs():
     assert (disc < 1).sum() == 13
     assert disc.min().item() == pytest.approx(0.3)
     assert np.array_equal(disc, disc.T)
+    assert np.argwhere(disc < 1).mean(0).tolist() == [4, 4]
+
+
+def test_space_stays_free_for_as_long_as_is_best_on_the_validation_set():
+    wall = disc_ranges(15.0)
+    recorded = one_recording(np.stack([np.full_like(wall, np.inf)] * 3 + [wall] * 7))
+    since = steps_since_free(recorded)
+    assert set(np.unique(since)) == {0, 7, 10}  # before the wall, behind it, and out of view
+    val = replace(recorded, maps=(since < 7).astype(np.float32))
+    free, _ = tune(lambda _: lambda x: np.zeros(val.maps.shape, np.float32), {"x": (0.0,)}, val, val)
+    assert np.array_equal(free, val.maps)
 
 
 @pytest.mark.parametrize("filtered", [log_odds_grid, transitional_grid])

@@ -43,7 +43,7 @@ def test_lost_beams_hide_no_obstacle_if_they_are_invalid_and_many_if_they_are_mi
     assert least <= (before & after).sum() / (before | after).sum() <= most
 
 
-def test_a_log_without_a_maximum_range_is_reported_and_an_option_gives_it(tmp_path, predict):
+def test_a_log_without_a_maximum_range_and_with_a_jump_is_reported(tmp_path, predict):
     log = dict(np.load(EXAMPLE))
     del log["range_max_m"]
     log["ranges"] = np.minimum(log["ranges"], 15.0)  # a driver that reports misses at the maximum range
@@ -58,20 +58,10 @@ def test_a_log_without_a_maximum_range_is_reported_and_an_option_gives_it(tmp_pa
     done = predict(f"scans={tmp_path / 'log.npz'}", *options)
     assert "the maximum range of the lidar is not known: a miss shows free space up to 30 m" in done.stdout
     assert "warning: the poses jump 1 times, the first by 5.1 m at 15.0 s" in done.stdout
-    done = predict(f"scans={tmp_path / 'log.npz'}", "prediction.range_max_m=15", *options)
-    assert "up to the maximum range of the lidar, 15 m; the network was trained with 30 m" in done.stdout
-    window = Scans(np.where(log["ranges"] < 15, log["ranges"], np.inf)[:100], log["angles"], log["poses"][:100])
-    free = load_predictor(WEIGHTS).with_range(15.0).predict(window)[0]
-    with np.load(tmp_path / "predictions" / "log" / "window-0001.npz") as content:
-        assert content["free"] == pytest.approx(free, abs=1e-3)
 
 
 def test_the_example_is_predicted_as_by_the_predictor(tmp_path, predict):
-    options = (
-        "prediction.stride_s=10",
-        "prediction.weights=rooms",
-        "prediction.center=[12.5,12.5]",
-    )
+    options = ("prediction.stride_s=10", "prediction.weights=rooms", "prediction.center=[12.5,12.5]")
     done = predict(f"scans={EXAMPLE}", *options, f"outputs={tmp_path}")
     assert done.returncode == 0, done.stderr
     directory = tmp_path / "predictions" / "rooms"
@@ -108,25 +98,6 @@ def test_windows_unlike_those_of_the_training_are_named(tmp_path, predict):
     assert table["outside_training"].tolist() == [with_age, with_age.replace("hit_age_steps ", ""), with_age]
     assert done.stdout.count("warning: ") == 7
     assert "length of the path of the robot [m]: 7.53 to 9.69 in 3 of 3 windows, 39.5 in the training" in done.stdout
-
-
-@pytest.mark.parametrize(
-    ("content", "status", "message"),
-    [
-        (b"", 1, "is empty"),
-        (None, 2, "No such file"),
-    ],
-)
-def test_a_file_that_is_no_log_ends_with_an_error_and_no_output(content, status, message, tmp_path, predict):
-    path = tmp_path / "log"
-    if content is not None:
-        path.write_bytes(content)
-    done = predict(f"scans={path}", f"outputs={tmp_path / 'out'}")
-    assert done.returncode == status
-    assert message in done.stderr
-    assert str(path) in done.stderr
-    assert "Traceback" not in done.stderr
-    assert not list((tmp_path / "out").rglob("predictions/*"))
 
 
 @pytest.mark.parametrize(

@@ -68,10 +68,7 @@ def test_values_that_no_lidar_has_are_refused_always(scans, message, allow_empty
     ("scans", "message"),
     [
         ({"ranges": np.where(np.arange(30) == 7, RANGES, np.nan)}, "1 of 1 windows are with too few valid readings"),
-        (
-            {"poses": with_value(POSES, 51.0, (-1, 0))},
-            "1 of 1 windows are of a robot that is outside the map at",
-        ),
+        ({"poses": with_value(POSES, 51.0, (-1, 0))}, "1 of 1 windows are of a robot that is outside the map at"),
         ({"poses": with_value(POSES, 51.0, (slice(11), 0))}, "at most steps: .* x and y from 0 to 50 m"),
         ({"poses": POSES - [40, 0, 0]}, "expected the last pose and most others on the map"),
     ],

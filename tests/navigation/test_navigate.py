@@ -10,10 +10,7 @@ from repro.system.errors import InputError
 
 pytestmark = pytest.mark.slow
 
-FEW = [
-    "navigation.validation_seeds=1",
-    "navigation.test_seeds=2",
-]
+FEW = ["navigation.validation_seeds=1", "navigation.test_seeds=2"]
 
 
 def run(outputs, *arguments) -> None:

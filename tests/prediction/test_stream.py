@@ -190,10 +190,7 @@ def test_what_the_caller_changes_later_does_not_change_the_maps(small):
         ({"pose": [1e17, 25.0, 0.0]}, r"pose: expected a finite one within 1e\+07 m"),
         ({"ranges": np.full(91, np.nan)}, "no valid reading"),
         ({"ranges": np.full(91, -1.0)}, "no valid reading"),
-        (
-            {"ranges": 1000 * LOG.ranges[15]},
-            "expected meters, inf for a miss, and most of these are beyond 300",
-        ),
+        ({"ranges": 1000 * LOG.ranges[15]}, "expected meters, inf for a miss, and most of these are beyond 300"),
         ({"pose": np.array([0, np.nan, 0])}, "pose: expected a finite one"),
         ({"pose": np.array([25, 25, 90.0])}, "headings look like degrees, the largest is 90: expected radians"),
         ({"stamp": float("nan")}, "expected finite seconds, got nan"),

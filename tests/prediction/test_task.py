@@ -15,7 +15,7 @@ import torch
 from conftest import ROOT
 from log_files import SCANS, STAMPS, carmen, flaser
 
-from repro.cli import prediction
+from repro.cli import log_prediction
 from repro.cli.settings import Prediction
 from repro.cli.tasks.predict import target_of
 from repro.learning.networks.create import create_network
@@ -34,7 +34,7 @@ def run(tmp_path, monkeypatch):
     """Return a function that predicts a log to `tmp_path`."""
     torch.manual_seed(0)
     predictor = Predictor(TorchNetwork(create_network(paper_model("fpn"))), Projection(), Grid(32, 50.0))
-    monkeypatch.setattr(prediction, "load", lambda path: predictor)
+    monkeypatch.setattr(log_prediction, "load", lambda path: predictor)
 
     def call(scans: Path | list[Path] = EXAMPLE, **changes: object) -> None:
         scans = scans if isinstance(scans, list) else [scans]
@@ -45,7 +45,7 @@ def run(tmp_path, monkeypatch):
         job = SimpleNamespace(
             call=SimpleNamespace(prediction=chosen, scans=[*map(str, scans)]), outputs=SimpleNamespace(path=tmp_path)
         )
-        prediction.predict_log(job, target_of(job))  # type: ignore[arg-type]
+        log_prediction.predict_log(job, target_of(job))  # type: ignore[arg-type]
 
     return call
 
@@ -107,8 +107,8 @@ def test_earlier_predictions_and_what_a_killed_one_left_are_replaced(run, tmp_pa
 def test_a_map_without_obstacles_is_worse_than_the_last_hits_on_the_next_scan_and_on_held_out_beams(
     run, tmp_path, capsys, monkeypatch
 ):
-    predict = prediction.predict_map
-    monkeypatch.setattr(prediction, "predict_map", lambda *args: replace(predict(*args), free=np.ones((32, 32))))
+    predict = log_prediction.predict_map
+    monkeypatch.setattr(log_prediction, "predict_map", lambda *args: replace(predict(*args), free=np.ones((32, 32))))
     run(fov_deg=45.0)
     table, printed = pd.read_csv(tmp_path / "predictions" / "rooms" / "windows.csv"), capsys.readouterr().out
     for name, scan in (("next_scan", "next scan"), ("held_out", "held-out beams")):

@@ -7,15 +7,7 @@ from conftest import ROOT
 from scipy.special import entr
 
 from repro.metrics.headings import METRICS
-from repro.reporting.claims import (
-    COLUMNS,
-    Claim,
-    Numbers,
-    Verdict,
-    count_verdicts,
-    judge,
-    on_paper,
-)
+from repro.reporting.claims import COLUMNS, Claim, Numbers, Verdict, count_verdicts, judge, on_paper
 from repro.reporting.page import render
 from repro.reporting.paper import free_share, paper_rows, read_paper
 from repro.reporting.papers_claims import CLAIMS, analysis_rows, verdicts

@@ -36,9 +36,7 @@ def outputs(tmp_path_factory):
 
 def test_the_analysis_writes_all_frames_and_figures(outputs):
     names = {path.stem for path in outputs.glob("analysis/*.csv")}
-    assert names == {
-        *("intervals", "recency", "obstacles", "calibration", "reliability", "cost", "claims"),
-    }
+    assert names == {*("intervals", "recency", "obstacles", "calibration", "reliability", "cost", "claims")}
     figures = {path.stem for path in outputs.glob("analysis/*.png")}
     assert figures == {"recency", "obstacles", "reliability", "baselines"}
     claims = pd.read_csv(outputs / "analysis" / "claims.csv")

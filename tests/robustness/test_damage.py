@@ -110,27 +110,11 @@ def test_a_training_refuses_damaged_shards(copy):
     assert "task=record" in message
 
 
-@pytest.mark.parametrize(
-    "key",
-    [RunKey("4", "fpn", PROJECTION, 1), RunKey("1", "fpn", PROJECTION, 0)],
-    ids=str,
-)
+@pytest.mark.parametrize("key", [RunKey("4", "fpn", PROJECTION, 1), RunKey("1", "fpn", PROJECTION, 0)], ids=str)
 def test_a_copied_run_is_named(copy, key):
     target = Outputs(copy).run(key)
     shutil.copytree(run_of(copy), target.path)
     assert f"{target} holds the run of {run_of(copy)}" in call(copy, "report")
-
-
-@pytest.mark.parametrize(
-    ("override", "problem"),
-    [
-        ("train.dice_eps=1e-5", "holds a run of another configuration (train.dice_eps is 1e-06, requested 1e-05)"),
-        ("oldest_gray=0.5", "holds a run of another configuration (encoding.parameters.oldest_gray is 0.8, requested"),
-        ("world.obstacles.moving.disc_share=1", "(worlds: the file of conf/world is another or has changed since"),
-    ],
-)
-def test_another_configuration_in_the_same_directory_is_refused(copy, override, problem):
-    assert problem in call(copy, "train", "exp=3", "model=fpn", override)
 
 
 def test_a_wrong_size_is_refused_before_a_baseline_is_evaluated(tmp_path):

@@ -182,10 +182,7 @@ def test_the_maps_of_the_node_are_those_of_the_batch(robot, maps, tmp_path, proc
 
 @pytest.mark.parametrize(
     ("parameter", "message"),
-    [
-        ("steps:=20000", "steps"),
-        ("mounting:=1,2", "mounting=1,2: must be [x,y,heading] in meters and radians"),
-    ],
+    [("steps:=20000", "steps"), ("mounting:=1,2", "mounting=1,2: must be [x,y,heading] in meters and radians")],
 )
 def test_wrong_parameters_end_the_node_with_a_message(parameter, message):
     done = subprocess.run([NODE, "--ros-args", "-p", parameter], capture_output=True, text=True, timeout=120)

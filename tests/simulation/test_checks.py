@@ -57,11 +57,7 @@ REFUSED = {
     "too many": ({f"{MOVING}.count": [900, 900], f"{MOVING}.radius_m": [1, 1]}, "experiments.people", "no room for"),
     "no shapes": ({PEOPLE: {"count": [1, 2], "shapes": []}}, "obstacles.people.shapes=[]", "at least 1 item"),
     "two kinds": ({f"{PEOPLE}.shapes": [WALL]}, "obstacles.people.radius_m", "not a known key"),
-    "no obstacles": (
-        {"experiments.people.obstacles": [], FIXED: []},
-        "experiments.people",
-        "has no obstacles",
-    ),
+    "no obstacles": ({"experiments.people.obstacles": [], FIXED: []}, "experiments.people", "has no obstacles"),
     "unknown motion": (
         {MOTION: {"name": "fly"}},
         "experiments.people.motion",

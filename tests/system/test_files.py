@@ -8,14 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from repro.runs.csv_files import read_table
-from repro.system.files import (
-    clear_leftovers,
-    lock,
-    read_mapping,
-    replacing,
-    write_text,
-)
+from repro.runs.directories import read_table
+from repro.system.files import clear_leftovers, lock, read_mapping, replacing, write_text
 
 
 def _write_often(path: Path, word: str, errors) -> None:

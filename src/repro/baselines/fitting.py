@@ -9,7 +9,7 @@ import numpy as np
 from repro.system.compiled import compiled
 
 ITERATIONS = 10
-REACH_M = 8.0  # from the center of an obstacle; no drawn outline is farther away
+FARTHEST_M = 8.0  # from the center of an obstacle; no drawn outline is farther away
 
 
 @compiled
@@ -61,11 +61,11 @@ def draw(nearest: np.ndarray, resolution_m: float, state: np.ndarray, is_disc: b
     size = len(nearest)
     for row in range(size):
         y = (size - 0.5 - row) * resolution_m - state[1]
-        if abs(y) > REACH_M:
+        if abs(y) > FARTHEST_M:
             continue
         for column in range(size):
             x = (column + 0.5) * resolution_m - state[0]
-            if abs(x) <= REACH_M:
+            if abs(x) <= FARTHEST_M:
                 nearest[row, column] = min(nearest[row, column], _distance(x, y, is_disc, length, width, cos, sin))
 
 

@@ -127,8 +127,6 @@ def tune(
     Args:
         prepare: function from recordings to a function from settings to their probability of free, (M, 1, H, W).
         settings: the candidate values of each setting, in ascending order.
-        val: the validation recordings.
-        test: the test recordings.
         climbs: False tries all combinations; True starts from the middle values and moves one setting after another to
             the next value as long as the IoU rises.
 

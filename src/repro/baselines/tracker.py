@@ -110,7 +110,7 @@ def distances(tracks: list[Track], grid: Grid, coast_s: float, ahead_s: float = 
     A track moves on for at most `coast_s` [s] after its last hit, since obstacles turn. The map is that of the last
     step, or of the time `ahead_s` [s] after it.
     """
-    nearest = np.full((grid.size_px, grid.size_px), fitting.REACH_M, dtype=np.float32)
+    nearest = np.full((grid.size_px, grid.size_px), fitting.FARTHEST_M, dtype=np.float32)
     for found in tracks:
         state = found.state.copy()
         state[:2] += state[2:4] * (min(found.age_s + ahead_s, coast_s) - found.age_s)

@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 from repro.cli.jobs import Job
-from repro.cli.prediction import read
+from repro.cli.log_prediction import read
 from repro.cli.settings import Prediction
 from repro.learning.adaptation import adapt, label
 from repro.learning.held_out import View

@@ -20,7 +20,6 @@ def print_tables(outputs: Outputs, names: tuple[str, ...]) -> None:
     Where runs with and without decay can be compared, both tables and the difference are printed.
 
     Args:
-        outputs: the outputs directory.
         names: of `tables.TABLES`, that are printed in any case; none prints no table.
 
     Raises:

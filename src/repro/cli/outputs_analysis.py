@@ -26,7 +26,6 @@ def evaluate_baselines(outputs: Outputs, parallel: joblib.Parallel) -> None:
     """Evaluate all baselines beside the networks, the slowest first; those that are done are checked.
 
     Args:
-        outputs: the outputs directory.
         parallel: processes that tune baselines.
 
     Raises:

@@ -23,8 +23,6 @@ def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> None:
     """Print what a log has, and what its user should know about it.
 
     Args:
-        log: the log.
-        settings: the windows that are cut from it.
         reach_m: range of the lidar in training [m], see `Predictor.reach_m`.
     """
     first, last = (math.degrees(log.angles[end]) for end in (0, -1))

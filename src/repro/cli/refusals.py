@@ -25,9 +25,6 @@ _FIXES = dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), _FREE_SPACE) |
 def explain(error: BaseException) -> str | None:
     """Return the message of an error that the user can fix.
 
-    Args:
-        error: what was raised.
-
     Returns:
         one message; None for an error of our own or of a library, whose traceback is needed.
     """

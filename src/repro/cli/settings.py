@@ -114,15 +114,7 @@ SeedCount = Annotated[int, Field(ge=1, le=10_000)]  # the courses of the test fo
 
 @dataclass(frozen=True)
 class Navigation:
-    """Settings of task=navigate.
-
-    Args:
-        mapper: how the robots make maps.
-        experiments: those of `world` in which they drive.
-        validation_seeds: courses per experiment for the choice of the settings of a mapper.
-        test_seeds: courses per experiment for the test.
-        looks: also with a cost of what the robot has not seen for a while.
-    """
+    """Settings of task=navigate."""
 
     __pydantic_config__ = KNOWN_KEYS
 

@@ -120,7 +120,6 @@ def by_last_hit(predictions: Sequence[np.ndarray], test: TestSet, weights: np.nd
 
     Args:
         predictions: quantized predictions of each seed, uint8, (M, H, W).
-        test: the test recordings.
         weights: see `by_recency`.
 
     Returns:

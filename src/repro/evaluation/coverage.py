@@ -13,7 +13,6 @@ def coverage_and_visibility(recordings: Recordings, split: str, grid: Grid) -> d
     """Measure coverage and visibility of a split, for comparison with the values that the paper's tables imply.
 
     Args:
-        recordings: a recorded experiment.
         split: train, val or test.
         grid: grid on which areas are counted.
 

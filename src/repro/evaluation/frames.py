@@ -33,9 +33,7 @@ from repro.runs.outputs import Outputs
 from repro.system.errors import InputError
 from repro.system.progress import progress
 
-ANALYZED = (  # tables of `gather`
-    *("intervals", "recency", "obstacles", "calibration", "reliability", "cost"),
-)
+ANALYZED = ("intervals", "recency", "obstacles", "calibration", "reliability", "cost")  # tables of `gather`
 Cell = tuple[str, str, str]  # experiment, model, encoding
 FEWER_DRAWS = 501  # rows of the bootstrap weights for measures by recency and by last hit
 

@@ -23,7 +23,6 @@ def pixel_groups(scans: Scans, grid: Grid, range_max_m: float) -> np.ndarray:
 
     Args:
         scans: windows of scans, (B, T, N).
-        grid: the grid of the pixels.
         range_max_m: length of a beam without a hit [m].
 
     Returns:
@@ -54,7 +53,7 @@ def newest_hits_of_obstacles(shard: ShardContent, noise_m: float = 0.0) -> np.nd
     """
     points, hit = shard.scans.batched(np.float64).points()
     newest = np.zeros((2, len(shard.world)), dtype=np.int64)
-    areas, reach_m = np.abs(areas_of(shard.outlines)), TOUCH_M + 3 * noise_m
+    areas, near_m = np.abs(areas_of(shard.outlines)), TOUCH_M + 3 * noise_m
     hulls = shapely.area(shapely.convex_hull(shapely.linestrings(shard.outlines.astype(float))))
     is_convex = (hulls > 0) & (hulls <= (1 + 1e-6) * areas)  # outlines are stored with 24 bits
     for number, world in enumerate(shard.world):
@@ -63,22 +62,22 @@ def newest_hits_of_obstacles(shard: ShardContent, noise_m: float = 0.0) -> np.nd
         shape = shapely.polygons(closed) if is_convex[number] else shapely.linestrings(closed)
         shapely.prepare(shape)
         for twin in (0, 1):
-            steps = _steps_touching(points[2 * world + twin], hit[2 * world + twin], shape, states, reach_m)
+            steps = _steps_touching(points[2 * world + twin], hit[2 * world + twin], shape, states, near_m)
             newest[twin, number] = steps.max(initial=-1) + 1
     return newest
 
 
 def _steps_touching(
-    points: np.ndarray, hit: np.ndarray, shape: shapely.Geometry, states: np.ndarray, reach_m: float
+    points: np.ndarray, hit: np.ndarray, shape: shapely.Geometry, states: np.ndarray, near_m: float
 ) -> np.ndarray:
     """Return the steps at which any point (T, N, 2) that is a hit (T, N) is near a shape with states (T, 3)."""
     offset = points - states[:, None, :2]
     radius = np.linalg.norm(shapely.get_coordinates(shape), axis=-1).max()
-    step, beam = np.nonzero(hit & (np.linalg.norm(offset, axis=-1) <= radius + reach_m))
+    step, beam = np.nonzero(hit & (np.linalg.norm(offset, axis=-1) <= radius + near_m))
     cos, sin = np.cos(states[step, 2]), np.sin(states[step, 2])
     x, y = offset[step, beam].T
     own = shapely.points(x * cos + y * sin, y * cos - x * sin)  # in the obstacle's frame
-    return step[shapely.dwithin(shape, own, reach_m)]
+    return step[shapely.dwithin(shape, own, near_m)]
 
 
 def obstacle_masks(shard: ShardContent, grid: Grid) -> np.ndarray:

@@ -21,9 +21,8 @@ from repro.recordings.datasets import grid_of, load_pairs_of_run
 from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import load_recorded
 from repro.runs.config import RunConfig
-from repro.runs.csv_files import read_table
 from repro.runs.devices import resolve_device
-from repro.runs.directories import Run
+from repro.runs.directories import Run, read_table
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status
 from repro.system.arrays import open_arrays
@@ -38,7 +37,6 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
     """Evaluate a run on the test set: a baseline or the best weights of a trained network.
 
     Args:
-        run: a run directory.
         recordings: the recorded experiment it was trained on.
         accelerator: auto, cpu or gpu; baselines always run on the CPU.
 

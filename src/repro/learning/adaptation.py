@@ -45,13 +45,7 @@ TRAINED_WINDOWS = 10_000  # of logs in all epochs, but at least one: short logs 
 MOVER_WEIGHT = 5.0
 WARM_UP = 0.1  # of the training, in which the learning rate rises before it falls to zero
 SCHEDULE = Training(  # ours
-    learning_rate=1e-3,
-    min_delta=0.0,
-    patience=1000,
-    batch_size=4,
-    max_epochs=1,
-    dice_eps=1e-6,
-    flip_augmentation=True,
+    learning_rate=1e-3, min_delta=0.0, patience=1000, batch_size=4, max_epochs=1, dice_eps=1e-6, flip_augmentation=True
 )
 
 

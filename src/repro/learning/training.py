@@ -101,12 +101,7 @@ class TrainingModule(L.LightningModule):
 
 
 def train(
-    run: Run,
-    recordings: Path,
-    *,
-    accelerator: str = "auto",
-    precision: str = "auto",
-    budget: Budget | None = None,
+    run: Run, recordings: Path, *, accelerator: str = "auto", precision: str = "auto", budget: Budget | None = None
 ) -> Status:
     """Train the network of a run directory, or resume its training.
 

@@ -23,10 +23,7 @@ FLASER_SPACING_DEG = {101: 1, 180: 1, 181: 1, 201: 0.5, 360: 0.5, 361: 0.5, 401:
 PLACED = {"FLASER", "ROBOTLASER1"}  # lines of scans with the pose of the lidar
 WORDS = (*PLACED, "RAWLASER1", "PARAM", "ODOM", "RLASER", "SYNC", "TRUEPOS", "NMEAGGA", "# CARMEN")
 GZIP = b"\x1f\x8b"  # the first bytes of a gzipped file
-MAX_LINE, MAX_WORD = (
-    4_000_000,
-    20,
-)  # characters of a line of `scan_filter.MAX_BEAMS` readings, and of a word in a message
+MAX_LINE, MAX_WORD = 4_000_000, 20  # characters of a line of many readings, and of a word in a message
 OFFSET_NAMES = ("frontlaser_offset", "front_laser_offset")
 RANGE_NAMES = ("front_laser_max", "laser_front_max_range")  # ends of the names of a parameter
 

@@ -33,7 +33,6 @@ def read_log(
 
     Args:
         path: a file, or the directory of a ROS 2 bag.
-        settings: the windows that will be cut from it.
         options: what its file does not say.
         others: its other files, of the same kind: bags, such as of scans and of transforms, or parts in their order.
 

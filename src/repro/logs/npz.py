@@ -21,7 +21,6 @@ def array_scans(path: Path, pose: tuple[float, float, float] | None = None) -> I
     """Read the scans of an npz log.
 
     Args:
-        path: the file.
         pose: x, y [m] and heading [rad] of a lidar that stands, whose log needs no poses; None for one that moves.
 
     Raises:

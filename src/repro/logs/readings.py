@@ -9,7 +9,7 @@ from repro.system.arrays import real
 from repro.system.errors import InputError
 
 MAX_STAMP_S = 1e11  # the year 5138; a clock in ms, us or ns is beyond it
-MANY = 10  # times as many readings as of the second largest value, so that the largest one looks like a miss
+LEAST_REPEATS = 10  # times as many readings as of the second largest value, so that the largest one looks like a miss
 
 
 def check_heading(heading: float, subject: str) -> None:
@@ -74,7 +74,7 @@ def note_on_repeats(ranges: np.ndarray) -> str | None:
     largest = np.max(ranges, where=np.isfinite(ranges), initial=0)
     second = np.max(ranges, where=ranges < largest, initial=0)  # false for inf and NaN
     count = int((ranges == largest).sum())
-    if not largest or count < MANY * max(1, int((ranges == second).sum())):
+    if not largest or count < LEAST_REPEATS * max(1, int((ranges == second).sum())):
         return None
     return (
         f"{count} readings are exactly {largest!s} m, which looks like the maximum range of the lidar: "

@@ -20,7 +20,7 @@ from repro.system.memory import available_memory_gb
 
 MIN_SCANS = 2
 MAX_BETWEEN_S = 30.0  # between two scans of a lidar
-MOSTLY = 10  # some logs have times of six digits, which hardly increase
+MAX_UNORDERED = 10  # some logs have times of six digits, which hardly increase
 BY_NUMBER = "use prediction.spacing=distance"
 SCANS_PER_CHECK = 1000  # of the memory
 
@@ -166,10 +166,10 @@ def _check_order(stamps: np.ndarray, unordered: int, path: Path) -> None:
     """Refuse times where most scans are not later than the one before, or that go back again and again."""
     backward = int((np.diff(stamps) < 0).sum())
     lost = f"its times are lost, or its scans are not in the order of their times: {BY_NUMBER}"
-    if unordered > MOSTLY * len(stamps):
+    if unordered > MAX_UNORDERED * len(stamps):
         counts = f"{unordered} scans are {Reason.NOT_LATER}, {len(stamps)} are later"
         raise UnusableTimes(f"{path}: {counts}: {lost}")
-    if backward >= MOSTLY:
+    if backward >= MAX_UNORDERED:
         raise UnusableTimes(f"{path}: time goes back by more than a window {backward} times: {lost}")
 
 

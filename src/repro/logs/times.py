@@ -63,7 +63,6 @@ def steps_before(stamps: np.ndarray, settings: WindowSettings) -> np.ndarray:
 
     Args:
         stamps: times of the scans of a part without a gap [s], (S,), increasing.
-        settings: steps of the window.
 
     Raises:
         InputError: the window begins before the first scan.
@@ -81,7 +80,6 @@ def ends_of(stamps: np.ndarray, settings: WindowSettings, stride_s: float) -> np
 
     Args:
         stamps: times of the scans of the part [s], (S,), increasing.
-        settings: steps of the windows.
         stride_s: the time [s].
     """
     filled = np.flatnonzero([settings.is_filled(stamps[0], stamp) for stamp in stamps])

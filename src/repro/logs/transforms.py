@@ -87,10 +87,6 @@ class Transforms:
             )
         return in_plane(total)
 
-    def is_known(self, frame: str, stamp: float) -> bool:
-        """Return whether a frame has a pose at a time [s], if it may be tilted."""
-        return self.why_unplaced(frame, stamp) is None
-
     def _reaches_frame(self, edges: list[Edge]) -> bool:
         return self.frame is None or (bool(edges) and edges[-1].parent == self.frame)
 

@@ -20,7 +20,6 @@ def rasterize(outlines: np.ndarray, states: np.ndarray, owner: np.ndarray, count
         states: obstacle poses x, y [m], heading [rad], (K, 3).
         owner: index of the map of each obstacle, (K,).
         count: number of maps, B.
-        grid: grid of the maps.
 
     Returns:
         maps, uint8, (B, H, W); 1 is free, 0 is an obstacle.

@@ -50,7 +50,6 @@ class Projection:
 
         Args:
             scans: a batch of windows, see `Scans.batched`.
-            grid: grid of the images.
 
         Returns:
             gray images, uint8, (B, 1, H, W); darker is more recent.
@@ -68,7 +67,6 @@ def newest_hits(scans: Scans, grid: Grid) -> np.ndarray:
 
     Args:
         scans: a batch of windows, see `Scans.batched`.
-        grid: grid of the images.
 
     Returns:
         the step, counted from 1, 0 without a hit, int32, (B, H, W).

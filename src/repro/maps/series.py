@@ -25,10 +25,7 @@ class Stack:
     The paper argues against this multi-image input without testing it ("Cumulative Dynamic Sensor Projection").
 
     Args:
-        frames: number of images and of parts of the window.
-
-    Raises:
-        ValueError: `frames` is not an integer from 1 to 100.
+        frames: number of images and of parts of the window, from 1 to 100.
     """
 
     kind: ClassVar[str] = "stack"
@@ -88,9 +85,6 @@ class Series(Stack):
     Args:
         frames: number of parts of the window; twice as many images.
         range_max_m: maximum range of the lidar [m].
-
-    Raises:
-        ValueError: `frames` is not an integer from 1 to 100, or `range_max_m` not from 0 to 10,000.
     """
 
     kind: ClassVar[str] = "series"
@@ -121,13 +115,6 @@ class Recent(Series):
     In equal parts of a second, whoever walks is a smear of several pixels, and the newest scan looks like one of a
     second ago. The factor is such that the parts fill the window; their ends are rounded up, and no part is longer than
     an older one.
-
-    Args:
-        frames: number of parts of the window; twice as many images.
-        range_max_m: maximum range of the lidar [m].
-
-    Raises:
-        InputError: `frames` is not an integer from 1 to 100, or `range_max_m` not from 0 to 10,000.
     """
 
     kind: ClassVar[str] = "recent"
@@ -148,13 +135,6 @@ class Counts(Recent):
     The darkness of a pixel is the logarithm of one plus its count, over that of one plus the steps of the part, in 16
     grays: where each scan of a part hit it, it is as black as in `Recent`. The difference of the logarithms of hits and
     passes is about the log odds of an occupancy grid.
-
-    Args:
-        frames: number of parts of the window; twice as many images.
-        range_max_m: maximum range of the lidar [m].
-
-    Raises:
-        InputError: `frames` is not an integer from 1 to 100, or `range_max_m` not from 0 to 10,000.
     """
 
     kind: ClassVar[str] = "counts"

@@ -82,7 +82,6 @@ def measure(scans: Scans, grid: Grid) -> dict[str, np.ndarray]:
 
     Args:
         scans: a batch of windows, see `Scans.batched`, whose poses are on the map.
-        grid: grid of the map.
 
     Returns:
         one value per window, (B,), by the name of the statistic; NaN where a window has no hit.

@@ -26,7 +26,6 @@ def check_windows(windows: Scans, grid: Grid, *, allow_empty: bool = False) -> N
 
     Args:
         windows: a batch of windows, see `Scans.batched`.
-        grid: grid of the map.
         allow_empty: accept windows of few valid readings, or of a robot outside the map.
 
     A window without a hit is one of an empty place.

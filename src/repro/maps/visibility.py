@@ -23,7 +23,6 @@ def newest_visible(scans: Scans, grid: Grid, range_max_m: float, *, margin_m: fl
 
     Args:
         scans: a batch of windows, see `Scans.batched`; the beam angles are evenly spaced and increasing.
-        grid: grid of the images.
         range_max_m: maximum range of the lidar [m].
         margin_m: distance behind the end of a beam up to which a pixel counts as visible [m]: plus half a pixel
             includes the surface that was hit, minus half a pixel excludes it.
@@ -59,15 +58,15 @@ def _drawn(scans: Scans, grid: Grid, range_max_m: float, margin_m: float, *, cou
     if steps > most:
         raise InputError(f"expected windows of at most {most} steps, got {steps}")
     # a miss reaches the maximum range, or less by the margin if that is negative
-    reach = np.minimum(np.minimum(scans.ranges, range_max_m) + margin_m, range_max_m)
-    reach = reach.astype(float) / grid.resolution_m
+    length = np.minimum(np.minimum(scans.ranges, range_max_m) + margin_m, range_max_m)
+    length = length.astype(float) / grid.resolution_m
     poses = scans.poses.astype(float)
     poses = np.concatenate([poses[..., :2] / grid.resolution_m - 0.5, poses[..., 2:]], axis=-1)
     bounds = float(scans.angles[0]) + spacing * (np.arange(len(scans.angles) + 1) - 0.5)  # of the beams' sectors
     bounds = np.stack([np.cos(bounds), np.sin(bounds)], axis=-1)
     images = np.zeros((len(scans), grid.size_px, grid.size_px), dtype=np.int16)
 
-    in_threads(lambda part: _draw_windows(images, reach, poses, part, bounds, spacing, counts), len(scans))
+    in_threads(lambda part: _draw_windows(images, length, poses, part, bounds, spacing, counts), len(scans))
     return images
 
 
@@ -90,7 +89,7 @@ def beam_spacing(angles: np.ndarray) -> float:
 @compiled
 def _draw_windows(
     images: np.ndarray,
-    reach: np.ndarray,
+    length: np.ndarray,
     poses: np.ndarray,
     part: np.ndarray,
     bounds: np.ndarray,
@@ -101,7 +100,7 @@ def _draw_windows(
 
     Args:
         images: the images, (B, H, W).
-        reach: visible distance along each beam [px], (B, T, N); a negative one or NaN draws nothing.
+        length: visible distance along each beam [px], (B, T, N); a negative one or NaN draws nothing.
         poses: column and row from below of the robot [px], with pixel centers at integers, and heading [rad],
             (B, T, 3).
         part: indices of the windows.
@@ -109,18 +108,18 @@ def _draw_windows(
         spacing: angle between two adjacent beams [rad].
         counts: whether the images are of the number of steps, and not of the newest one, counted from 1.
     """
-    beams = reach.shape[2]
+    beams = length.shape[2]
     for window in part:
-        for step in range(reach.shape[1]):
+        for step in range(length.shape[1]):
             x, y, heading = poses[window, step]
             if not math.isfinite(x + y + heading):
                 continue  # nothing is visible from an unknown pose
             turn = (math.cos(heading), math.sin(heading))
             beam, start = 0, _turned(bounds[0], turn)
             while beam < beams:
-                radius, end = reach[window, step, beam], beam + 1
-                while end < beams and reach[window, step, end] == radius and (end + 1 - beam) * spacing < math.pi / 2:
-                    end += 1  # adjacent beams of equal reach, such as misses, form one sector
+                radius, end = length[window, step, beam], beam + 1
+                while end < beams and length[window, step, end] == radius and (end + 1 - beam) * spacing < math.pi / 2:
+                    end += 1  # adjacent beams of equal length, such as misses, form one sector
                 stop = _turned(bounds[end], turn)
                 if radius >= 0:
                     _draw_sector(images[window], x, y, start, stop, radius, int(counts), 1 if counts else step + 1)
@@ -193,7 +192,6 @@ def shown_pixels(maps: np.ndarray, poses: np.ndarray, grid: Grid) -> np.ndarray:
     Args:
         maps: true maps, uint8, (B, H, W); 1 is free.
         poses: poses of the lidars x, y [m], heading [rad], (B, 3).
-        grid: grid of the maps.
 
     Returns:
         whether each pixel is shown, bool, (B, H, W).

@@ -22,9 +22,7 @@ DESCRIPTION, CARD = "repro.predictor", "repro.model_card"
 INPUT, OUTPUT = "scans", "logits"
 CHECKSUM = re.compile(rb'"sha256": "([0-9a-f]{64})"')  # in the description
 NO_CHECKSUM = "0" * 64  # stands for it in the file that it is of
-LOOPS = re.compile(
-    rb"\x22\x04(?:Loop|Scan)"
-)  # types of operators, of which no network of ours has one, that may never end
+LOOPS = re.compile(rb"\x22\x04(?:Loop|Scan)")  # operators that may never end, which no network of ours has
 CHECKPOINTS = (".ckpt", ".pt", ".pth", ".safetensors", ".bin")
 OUTSIDE = re.compile(rb"[\x00\x08]location")  # key of the path of weights in another file, which would be read
 

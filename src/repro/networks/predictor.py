@@ -157,7 +157,6 @@ def create_predictor(network: Network, description: dict[str, Any], path: Path, 
     """Create a predictor from a network and its description, see `description_of`, and check that they fit.
 
     Args:
-        network: the network.
         description: the content of its file, see `description_of`.
         path: the file, for messages.
         largest_px: side of the images with which it is checked, if its maps are larger.

@@ -43,7 +43,6 @@ def observed(scan: Scans, grid: Grid, range_max_m: float) -> Observed:
 
     Args:
         scan: one window of one step, (1, N), on the map; NaN marks the beams that are not compared.
-        grid: grid of the map.
         range_max_m: maximum range of the lidar [m], up to which a miss passes over pixels.
     """
     scan = scan.batched()
@@ -86,7 +85,6 @@ def last_hits(scans: Scans, grid: Grid, range_max_m: float) -> tuple[np.ndarray,
 
     Args:
         scans: one window, (T, N), on the map.
-        grid: grid of the map.
         range_max_m: maximum range of the lidar [m].
 
     Returns:

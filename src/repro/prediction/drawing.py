@@ -49,7 +49,6 @@ def draw_map(predicted: StreamMap, axes: Axes | None = None) -> Figure:
     """Draw a map with the newest hits, what moves, the robot, a color bar and a legend.
 
     Args:
-        predicted: the map.
         axes: where to draw, without color bar and legend; None for a new figure.
 
     Returns:
@@ -88,9 +87,7 @@ def draw_window(window: Window, predicted: StreamMap, grid: Grid, range_max_m: f
     """Draw the hits of a window, its map, and what scans show that the network did not receive.
 
     Args:
-        window: the window.
         predicted: its map.
-        grid: grid of the map.
         range_max_m: maximum range of the lidar [m], up to which a miss shows free pixels.
         when: time of the map, for its title.
     """

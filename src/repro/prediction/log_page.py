@@ -48,7 +48,6 @@ def page_of(title: str, figures: Sequence[tuple[Path, str]]) -> str:
     """Return a page that shows figures one at a time.
 
     Args:
-        title: its title.
         figures: PNG files and their captions, in order; at least one.
     """
     frames = [(base64.b64encode(path.read_bytes()).decode(), caption) for path, caption in figures]

@@ -28,7 +28,6 @@ def parts_of_window(scans: Scans, grid: Grid, range_max_m: float) -> tuple[np.nd
 
     Args:
         scans: one window, (T, N), on the map.
-        grid: grid of the map.
         range_max_m: maximum range of the lidar [m], up to which a miss passes over pixels.
     """
     both = np.concatenate([scans.ranges, scans.poses], axis=1)

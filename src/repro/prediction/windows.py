@@ -45,8 +45,6 @@ def cut(log: ScanLog, settings: WindowSettings, stride_s: float, size_m: float) 
     after it begins with the scan after the gap.
 
     Args:
-        log: the log.
-        settings: center and steps of the windows.
         stride_s: time between two windows [s]; scans if they are spaced by distance.
         size_m: side of the map [m].
 

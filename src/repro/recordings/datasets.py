@@ -142,7 +142,6 @@ def load_pairs(
     """Create the pairs of a split from its recordings.
 
     Args:
-        recordings: a recorded experiment.
         split: train, val or test.
         grid: grid of the images and maps.
         encoding: the encoding that draws the scans.

@@ -16,8 +16,6 @@ def true_maps(shard: ShardContent, grid: Grid, *, only_standing: bool = False) -
     """Draw the true map of each recording at its last step, uint8, (R, H, W); 1 is free.
 
     Args:
-        shard: the recordings.
-        grid: grid of the maps.
         only_standing: leave out obstacles that move during the recording.
     """
     kept = standing(shard.states) if only_standing else np.ones(len(shard.states), bool)

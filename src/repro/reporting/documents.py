@@ -142,10 +142,7 @@ def _shares(rows: pd.DataFrame) -> pd.Series:
 
 
 ANALYZED: dict[str, tuple[Callable[[DataFrames, str], Cells], str]] = {  # tables of the analysis with their titles
-    "methods": (
-        methods,
-        "Networks, other inputs, baselines and the upper bound, with 95 % intervals",
-    ),
+    "methods": (methods, "Networks, other inputs, baselines and the upper bound, with 95 % intervals"),
     "networks": (
         networks,
         "Networks and inputs; training on one CPU thread, latency of a window in ONNX Runtime on two",

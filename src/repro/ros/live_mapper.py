@@ -76,7 +76,7 @@ class LiveMapper:
                 later = [(scan, times) for scan, times in self.waiting if times.first_s > stamp]
                 self.waiting = [(scan, times) for scan, times in self.waiting if times.first_s <= stamp]
                 for scan, times in later:
-                    if self.transforms.is_known(scan.header.frame_id, times.middle_s):
+                    if self.transforms.why_unplaced(scan.header.frame_id, times.middle_s) is None:
                         self._take(scan, times)  # ends the window before
                 self.newest_s, self.is_early = -np.inf, False
             insort(self.waiting, (message, self.scans.times(message)), key=itemgetter(1))

@@ -24,10 +24,9 @@ from pydantic import TypeAdapter
 
 from repro.metrics.headings import METRICS
 from repro.runs.config import RunConfig, differences
-from repro.runs.csv_files import read_table
 from repro.runs.provenance import Provenance, Status, changed_since, environment
 from repro.system.errors import InputError
-from repro.system.files import clear_leftovers, lock, read_typed, sha256, write_json, write_text
+from repro.system.files import clear_leftovers, first_line, lock, read_typed, sha256, write_json, write_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -206,3 +205,26 @@ class Run:
         if provenance.error is None:
             del content["error"]
         write_json(self.path / "provenance.json", content)
+
+
+def read_table(path: Path, columns: tuple[str, ...], fix: str) -> "pd.DataFrame":
+    """Read a CSV file that has at least one row and the required columns.
+
+    Args:
+        columns: the required columns, which must not have missing values.
+        fix: what to do if the file cannot be read; appended to the message.
+
+    Raises:
+        InputError: the file is missing, truncated, empty, or lacks a column or a value.
+    """
+    import pandas as pd  # slow to import, and recording does not need it
+
+    try:
+        table = pd.read_csv(path)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read ({first_line(error)}): {fix}") from error
+    missing = [name for name in columns if name not in table]
+    if missing or table.empty or table[list(columns)].isna().any(axis=None):
+        problem = f"it lacks {', '.join(missing)}" if missing else "it lacks values"
+        raise InputError(f"{path} cannot be read ({problem}): {fix}")
+    return table

@@ -77,17 +77,14 @@ def environment() -> dict[str, Any]:
     """Describe the environment of a step: time, Python, packages, hardware, commit."""
     from repro.runs.devices import hardware  # torch is slow to import, and recording does not need it
 
+    versions = {name: found for name in PACKAGES if (found := _version(name))}
     return {
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
         "python": platform.python_version(),
-        "versions": {"repro": _own_version(), **{name: found for name in PACKAGES if (found := _version(name))}},
+        "versions": {"repro": _version(OWN) or "not installed"} | versions,  # then the commit says more
         "hardware": hardware(),
         "commit": _commit(),
     }
-
-
-def _own_version() -> str:
-    return _version(OWN) or "not installed"  # the source is on PYTHONPATH: its commit says more
 
 
 def _version(package: str) -> str | None:

@@ -61,8 +61,6 @@ def check_path(
 
     Args:
         motion: a motion without random goals.
-        world: the map.
-        walls: the fixed obstacles.
         radius_m: radius of the robot [m].
 
     Raises:
@@ -98,9 +96,6 @@ def to_waypoints(
     `turn_rad_s` is drawn first, from a uniform distribution.
 
     Args:
-        rng: random stream of the world.
-        motion: speeds and steps.
-        world: the map.
         walls: fixed obstacles, which the robot passes at its radius or more.
         radius_m: radius of the robot [m].
 

@@ -75,7 +75,10 @@ def sample_obstacles(
             if found is None:
                 return None
             placed.append(found)
-    still_ones = [None if found[-1].behavior else _static(rng, *found[:3]) for found in placed]
+    still_ones = [
+        None if population.behavior else standing(shape, (x, y, float(rng.uniform(-math.pi, math.pi))))
+        for x, y, shape, population in placed
+    ]
     lines = [*site.lines, *boundaries(still for still in still_ones if still)]
     obstacles = []
     for found, still in zip(placed, still_ones, strict=True):
@@ -112,11 +115,6 @@ def _shape(rng: np.random.Generator, population: Sized | Shaped) -> Shape:
         return {"name": "circle", "radius": float(radius)}
     width = math.sqrt(math.pi * radius**2 / aspect)
     return {"name": "rectangle", "length": float(aspect * width), "width": float(width)}
-
-
-def _static(rng: np.random.Generator, x: float, y: float, shape: Shape) -> Obstacle:
-    """Create an obstacle that stands at a random heading."""
-    return standing(shape, (x, y, float(rng.uniform(-math.pi, math.pi))))
 
 
 def _moving(

@@ -41,12 +41,7 @@ VERIFY_EVERY = 500  # worlds, of which one is replayed in plain IR-SIM
 
 
 def record_experiment(
-    directory: Path,
-    spec: WorldSpec,
-    pairs: dict[str, int],
-    *,
-    workers: int = 2,
-    verify_every: int = VERIFY_EVERY,
+    directory: Path, spec: WorldSpec, pairs: dict[str, int], *, workers: int = 2, verify_every: int = VERIFY_EVERY
 ) -> Manifest:
     """Record the missing, truncated or altered shards of one experiment and write its manifest.
 
@@ -54,9 +49,7 @@ def record_experiment(
 
     Args:
         directory: directory of the shards, created if missing.
-        spec: what decides the worlds.
         pairs: recordings per split, each even, since a world and its twin are two recordings.
-        workers: number of processes.
         verify_every: interval [worlds] at which a world is replayed in plain IR-SIM and compared.
 
     Raises:
@@ -107,9 +100,6 @@ def write_shard(directory: Path, shard: Shard, spec: WorldSpec, verify_every: in
     """Record one shard and return its number of worlds.
 
     Args:
-        directory: directory of the shards.
-        shard: name and seeds of the shard.
-        spec: what decides the worlds.
         verify_every: interval [worlds] at which a world is replayed in plain IR-SIM and compared.
 
     Raises:

@@ -55,7 +55,6 @@ def sample_rooms(rng: np.random.Generator, rooms: Rooms, width_m: float) -> list
     """Sample the walls of one world.
 
     Args:
-        rng: random stream of the world.
         rooms: their sizes [m], and the probability that a rectangle is divided by a corridor; see docs/worlds.md.
         width_m: side of the square map [m].
 

@@ -17,14 +17,7 @@ import numpy as np
 import shapely
 import yaml
 
-from repro.simulation.paths import (
-    Behavior,
-    check_path,
-    farthest_m,
-    planned_path,
-    sampled_behavior,
-    to_waypoints,
-)
+from repro.simulation.paths import Behavior, check_path, farthest_m, planned_path, sampled_behavior, to_waypoints
 from repro.simulation.placement import Attempts, Site, sample_obstacles
 from repro.simulation.rooms import check_rooms, sample_rooms
 from repro.simulation.shapes import Line, Obstacle, boundaries, filled, shape_radius, standing, union

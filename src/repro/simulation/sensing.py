@@ -17,7 +17,6 @@ def sensed(scans: Scans, sensing: Sensing, range_max_m: float, rng: np.random.Ge
         scans: exact scans, one window, as NumPy arrays.
         sensing: ranges of the errors, of which each is drawn once.
         range_max_m: maximum range of the exact scans [m]; a lidar that reaches less far has no reading of a miss.
-        rng: random stream of the window.
     """
     every_beam, every_step = (
         int(rng.integers(low, high + 1)) for low, high in (sensing.every_beam, sensing.every_step)

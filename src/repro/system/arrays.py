@@ -18,7 +18,6 @@ def real(name: str, values: Any, shape: tuple[int, ...] | None = None, *, kinds:
     """Return values as an array of real numbers; truth values, text, times, complex numbers and masks are none.
 
     Args:
-        name: of the values, for the message.
         values: an array, or what becomes one.
         shape: the expected shape; None for any.
         kinds: of the types of NumPy that are taken, `f` where whole numbers would be rounded or of another unit.

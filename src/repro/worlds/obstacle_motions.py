@@ -175,10 +175,7 @@ class Walk(Drift):
 
 
 Behavior = Annotated[Drifting | Walking, Field(discriminator="name")]
-OBSTACLE_MOTIONS: dict[str, type[ObstacleMotion]] = {
-    "drift": Drift,
-    "walk": Walk,
-}
+OBSTACLE_MOTIONS: dict[str, type[ObstacleMotion]] = {"drift": Drift, "walk": Walk}
 
 
 def _walls(lines_m: list[list[list[float]]]) -> Any:

@@ -38,12 +38,6 @@ class Task:
     target: Callable[[Any], Path] | None = None
 
 
-def run_directory(job: Any) -> Path:
-    """Return the directory of the run of a job."""
-    path: Path = job.run.path
-    return path
-
-
 NETWORK_KEYS = ("model", "encoding", "decay", "oldest_gray", "seed", "train")  # that choose a network of the study
 
 

@@ -1,7 +1,7 @@
 """task=all: record what is missing, train, evaluate."""
 
 from repro.cli.jobs import Job
-from repro.cli.tasks import Task, evaluate, record, run_directory, train
+from repro.cli.tasks import Task, evaluate, record, train
 from repro.system.progress import say
 
 
@@ -25,4 +25,4 @@ def run(job: Job) -> None:
         evaluate.run(job)
 
 
-TASK = Task(run, "run", trains=True, target=run_directory)
+TASK = Task(run, "run", trains=True, target=lambda job: job.run.path)

@@ -11,7 +11,7 @@ def run(job: Job) -> None:
         InputError: a network or the runtime cannot be used.
     """
     print("loading ONNX Runtime Web and the networks", flush=True)
-    from repro.cli.prediction import load
+    from repro.cli.log_prediction import load
     from repro.demo.demo_page import render
     from repro.demo.networks import demo_network
     from repro.demo.runtime import load_runtime

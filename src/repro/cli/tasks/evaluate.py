@@ -1,7 +1,7 @@
 """task=evaluate: evaluate a trained network, and the quick baselines beside it."""
 
 from repro.cli.jobs import Job
-from repro.cli.tasks import Task, run_directory
+from repro.cli.tasks import Task
 from repro.system.progress import say
 
 
@@ -29,4 +29,4 @@ def run(job: Job) -> None:
         evaluate_baseline(job.outputs, job.config, name)
 
 
-TASK = Task(run, "run", target=run_directory)
+TASK = Task(run, "run", target=lambda job: job.run.path)

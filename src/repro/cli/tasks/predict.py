@@ -7,7 +7,6 @@ from pathlib import Path
 from repro.cli.jobs import Job
 from repro.cli.tasks import NETWORK_KEYS, Task
 
-LOG_SUFFIXES = (".npz", ".bag", ".db3", ".mcap", ".log", ".clf", ".txt", ".gz")
 LONGEST_NAME = 180  # bytes of the name of a log
 
 
@@ -15,7 +14,7 @@ def run(job: Job) -> None:
     """Predict the map at the end of every window of the log."""
     assert job.call.scans, "validated"
     print(f"loading {job.call.prediction.weights}, then {' and '.join(map(str, job.call.scans))}", flush=True)
-    from repro.cli.prediction import predict_log  # takes seconds
+    from repro.cli.log_prediction import predict_log  # takes seconds
 
     predict_log(job, target_of(job))
 
@@ -26,10 +25,9 @@ def target_of(job: Job) -> Path:
 
 
 def name_of(log: Path, *others: Path) -> str:
-    """Return the name of a log without the suffixes of its kind, and how many other files there are."""
-    name = Path(os.path.realpath(log)).name
-    while Path(name).suffix in LOG_SUFFIXES:
-        name = Path(name).stem
+    """Return the name of a log without the suffix of its kind, and how many other files there are."""
+    path = Path(os.path.realpath(log))
+    name = path.name if path.is_dir() else Path(path.name.removesuffix(".gz")).stem
     name = name.strip(".") or "log"
     if len(os.fsencode(name)) > LONGEST_NAME:  # files of a prediction add to it
         name = f"{name[: LONGEST_NAME // 4]}-{hashlib.sha256(os.fsencode(name)).hexdigest()[:8]}"

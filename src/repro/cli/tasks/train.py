@@ -4,7 +4,7 @@ from functools import cache
 from typing import Any
 
 from repro.cli.jobs import Job
-from repro.cli.tasks import Task, run_directory
+from repro.cli.tasks import Task
 from repro.system.progress import say
 
 
@@ -39,4 +39,4 @@ def process_budget(minutes: float | None) -> Any:
     return Budget(minutes)
 
 
-TASK = Task(run, "run", trains=True, target=run_directory)
+TASK = Task(run, "run", trains=True, target=lambda job: job.run.path)

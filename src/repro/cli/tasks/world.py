@@ -28,8 +28,7 @@ def run(job: Job) -> None:
 
 
 def _target(job: Job) -> Path:
-    path: Path = job.outputs.worlds / f"exp{job.key.experiment}-seed{job.call.seed}"
-    return path
+    return job.outputs.worlds / f"exp{job.key.experiment}-seed{job.call.seed}"
 
 
 TASK = Task(run, target=_target, names_scale=False)

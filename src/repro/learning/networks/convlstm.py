@@ -31,8 +31,7 @@ class ConvLSTM(nn.Module, PyTorchModelHubMixin):
         super().__init__()
         self.frames = frames
         self.encoder = nn.Sequential(
-            *conv_block(in_channels // frames, hidden // 2, stride=2),
-            *conv_block(hidden // 2, hidden, stride=2),
+            *conv_block(in_channels // frames, hidden // 2, stride=2), *conv_block(hidden // 2, hidden, stride=2)
         )
         self.from_image = nn.Conv2d(hidden, 4 * hidden, 3, padding=1)
         self.from_memory = nn.Conv2d(hidden, 4 * hidden, 3, padding=1, bias=False)

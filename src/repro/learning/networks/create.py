@@ -22,11 +22,7 @@ from repro.system.errors import InputError
 from repro.system.fields import ConfigError
 from repro.system.plugins import plugins
 
-OWN_ARCHITECTURES: dict[str, Any] = {
-    "convgru": ConvGRU,
-    "convlstm": ConvLSTM,
-    **plugins("repro.architectures"),
-}
+OWN_ARCHITECTURES: dict[str, Any] = {"convgru": ConvGRU, "convlstm": ConvLSTM, **plugins("repro.architectures")}
 SERIES_CHANNELS = 10  # of the input with which the parameters of an own architecture are tried
 
 

@@ -54,13 +54,10 @@ class FusedSegformerDecoder(SegformerDecoder):
         weights = convolution.weight.chunk(len(self.mlp_stage), dim=1)
         stages = zip(self.mlp_stage, reversed(features[-len(weights) :]), weights, strict=True)
         fused = [F.conv2d(mlp(feature), weight) for mlp, feature, weight in stages]
-        return activation(normalization(sum(F.interpolate(features, size, mode="bilinear") for features in fused)))
+        return activation(normalization(sum(F.interpolate(part, size, mode="bilinear") for part in fused)))
 
 
-FASTER: dict[type, type] = {
-    SegformerDecoder: FusedSegformerDecoder,
-    UnetDecoderBlock: LeanUnetBlock,
-}
+FASTER: dict[type, type] = {SegformerDecoder: FusedSegformerDecoder, UnetDecoderBlock: LeanUnetBlock}
 
 
 def replace_slow_modules(network: torch.nn.Module) -> None:
