@@ -79,17 +79,16 @@ class Surface:
     @classmethod
     def of(cls, validation: pd.DataFrame) -> "Surface":
         """Gather the episodes on validation courses."""
-        scores = (validation["outcome"] == "goal") + SPL_SHARE * spl(validation)
-        scores = validation.assign(score=scores).pivot(index=["experiment", "seed"], columns="settings", values="score")
-        means = scores.mean(axis=1)
-        table = scores.sub(means, axis=0)
+        score = (validation["outcome"] == "goal") + SPL_SHARE * spl(validation)
+        table = validation.assign(score=score).pivot(index=["experiment", "seed"], columns="settings", values="score")
+        means = table.mean(axis=1)
+        table = table.sub(means, axis=0)
         axes = pd.DataFrame(list(map(settings_of, table)))
         ranks = axes.rank(method="dense").fillna(0).to_numpy()
         apart = ranks[:, None] - ranks
         smooth = axes.columns.isin(SMOOTHED)
-        kernel = np.exp(-np.square(apart[..., smooth] / REACH).sum(-1) / 2) * ALIKE ** (apart[..., ~smooth] != 0).sum(
-            -1
-        )
+        near = np.exp(-np.square(apart[..., smooth] / REACH).sum(-1) / 2)
+        kernel = near * ALIKE ** (apart[..., ~smooth] != 0).sum(-1)
         return cls(list(table), means.to_numpy(), table.fillna(0).to_numpy(), table.notna().to_numpy(), kernel)
 
     def smoothed(self, weights: np.ndarray) -> np.ndarray:
