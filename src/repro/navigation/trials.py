@@ -83,13 +83,14 @@ class Surface:
         table = validation.assign(score=score).pivot(index=["experiment", "seed"], columns="settings", values="score")
         means = table.mean(axis=1)
         table = table.sub(means, axis=0)
-        axes = pd.DataFrame(list(map(settings_of, table)))
+        labels = list(map(str, table))
+        axes = pd.DataFrame(map(settings_of, labels))
         ranks = axes.rank(method="dense").fillna(0).to_numpy()
         apart = ranks[:, None] - ranks
         smooth = axes.columns.isin(SMOOTHED)
         near = np.exp(-np.square(apart[..., smooth] / REACH).sum(-1) / 2)
         kernel = near * ALIKE ** (apart[..., ~smooth] != 0).sum(-1)
-        return cls(list(table), means.to_numpy(), table.fillna(0).to_numpy(), table.notna().to_numpy(), kernel)
+        return cls(labels, means.to_numpy(), table.fillna(0).to_numpy(), table.notna().to_numpy(), kernel)
 
     def smoothed(self, weights: np.ndarray) -> np.ndarray:
         """Return the smoothed scores of the settings, (draws, S), given the weights of the courses, (draws, C)."""
