@@ -3,8 +3,7 @@ PYTHON ?= python3
 ARGS ?= # further overrides of reproduce, analysis and demo
 PY := .venv/bin/python
 ENCODINGS := projection,stack4,stack10,series10
-NAVIGATION := world=navigation exp=mixed scale=laptop scale.pairs.train=16000 outputs=outputs/navigation
-DRIVEN := outputs/navigation/runs/expmixed
+NAVIGATION := world=navigation exp=mixed scale=laptop scale.pairs.train=8 outputs=outputs/navigation
 MAPPERS := scan,keep,decay,log_odds,tracker,full_circle,truth,true_velocities
 SCALE ?=
 SCALE_ARG := $(if $(SCALE),scale=$(SCALE))
@@ -23,7 +22,7 @@ SHELL := bash
 .PHONY: help setup reproduce analysis navigation test test-fast test-slurm test-ros2 stress check verify bench demo docs clean
 
 help: ## list the targets
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
+	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## /  make \1\t/' | expand -t 20
 
 setup: .venv/ready ## create .venv and install the pinned packages of the study and its tests
 
@@ -55,11 +54,10 @@ analysis: setup ## beyond the paper: other inputs with three seeds, other worlds
 	$(PY) -m reproduce.generalization exp=4 scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
 	$(PY) run.py task=analysis scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
 
-navigation: setup ## do maps help a robot? hours: train two networks, tune and drive with every kind of map
-	$(PY) run.py $(NAVIGATION) model=convgru encoding=series10
-	$(PY) run.py $(NAVIGATION) model=unet
+navigation: setup ## do maps help a robot? tune and drive with every kind of map, and with the published network
+	$(PY) run.py task=record $(NAVIGATION)
 	$(PY) run.py -m task=navigate $(NAVIGATION) navigation.mapper=$(MAPPERS)
-	$(PY) run.py -m task=navigate $(NAVIGATION) navigation.mapper=network prediction.weights=$(DRIVEN)/convgru/series10/seed0,$(DRIVEN)/unet/projection/seed0
+	$(PY) run.py task=navigate $(NAVIGATION) navigation.mapper=network prediction.weights=reproduce/results/navigation/expmixed-convgru
 
 test: setup ## all tests, without GPU and network
 	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadscope --no-loadscope-reorder

@@ -34,5 +34,5 @@ def bench_navigation() -> None:
 
 def _seconds(spec, courses, mapper) -> float:
     start = time.process_time()
-    Fleet(spec, courses, mapper, SETTINGS, Grid(64, 50.0)).drive()
+    Fleet(spec, courses, mapper, [SETTINGS] * len(courses), Grid(64, 50.0)).drive()
     return time.process_time() - start

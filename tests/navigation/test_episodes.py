@@ -1,6 +1,7 @@
 """Robots that drive by their maps: kinematics, collisions, planner, memory, mappers and their trials."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -9,6 +10,10 @@ import shapely
 from conftest import ROOT
 from irsim.lib.algorithm.kinematics import differential_kinematics
 from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
 from repro.cli.settings import MAPPERS
 from repro.maps.grid import Grid
@@ -46,7 +51,7 @@ def course(*obstacles: tuple[float, float, float, float], goals=((40.0, 25.0),),
 
 
 def drive(*courses: Course, mapper: str = "truth", **settings) -> list:
-    return Fleet(SPECS["static"], courses, CLASSICAL[mapper], {**USUAL, **settings}, GRID).drive()
+    return Fleet(SPECS["static"], courses, CLASSICAL[mapper], [{**USUAL, **settings}] * len(courses), GRID).drive()
 
 
 def test_robots_move_as_in_irsim():
@@ -133,15 +138,38 @@ def test_inflated_maps_fall_with_the_distance():
     assert np.array_equal(soft.inflate(occupied, soft.core), away <= core)
 
 
+def costs_to_go(own: Planner, inflated: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """Return the cost to a goal from all pixels."""
+    return own.costs_to_go(inflated[None], goal[None], np.array([[[0.0, 0.0], [64.0, 64.0]]]))[0]
+
+
+def test_the_cost_to_go_is_that_of_scipy():
+    own, inflated = planner(weight=30.0), GENERATOR.random((64, 64)).astype(np.float32) ** 8
+    cost = (1 + 30.0 * inflated) * GRID.resolution_m
+    pixel = np.arange(64**2).reshape(64, 64)
+    starts, ends, edges = [], [], []
+    for down, right in [(0, 1), (1, 0), (1, 1), (1, -1)]:
+        one = np.s_[: 64 - down, max(0, -right) : 64 - max(0, right)]
+        other = np.s_[down:, max(0, right) : 64 - max(0, -right)]
+        starts, ends = [*starts, pixel[one].ravel()], [*ends, pixel[other].ravel()]
+        edges.append((0.5 * (cost[one] + cost[other])).ravel().astype(float) * math.hypot(down, right))
+    graph = coo_array((np.concatenate(edges), (np.concatenate(starts), np.concatenate(ends))), shape=(64**2, 64**2))
+    expected = dijkstra(graph.tocsr(), directed=False, indices=pixel[63 - 32, 12]).reshape(64, 64)
+    goal = np.array([10.0, 25.0])
+    assert costs_to_go(own, inflated, goal) == pytest.approx(expected, rel=1e-12)
+    nearby = own.costs_to_go(inflated[None], goal[None], np.array([[[30.0, 8.0], [33.0, 10.0]]]))[0]
+    assert np.array_equal(nearby[63 - 11 : 64 - 6, 28:35], costs_to_go(own, inflated, goal)[63 - 11 : 64 - 6, 28:35])
+
+
 def test_the_cost_to_go_is_the_way_around_a_wall():
-    free = planner().cost_to_go(np.zeros((64, 64)), np.array([10.0, 25.0]))
+    free = costs_to_go(planner(), np.zeros((64, 64)), np.array([10.0, 25.0]))
     row, column = 63 - int(25 / GRID.resolution_m), int(10 / GRID.resolution_m)
     down, right = np.abs(np.arange(64)[:, None] - row), np.abs(np.arange(64) - column)
     octile = np.maximum(down, right) + (math.sqrt(2) - 1) * np.minimum(down, right)
     assert free == pytest.approx(GRID.resolution_m * octile)
     wall = np.zeros((64, 64))
     wall[10:, 30] = 1.0
-    around = planner(weight=1e6).cost_to_go(wall, np.array([10.0, 25.0]))
+    around = costs_to_go(planner(weight=1e6), wall, np.array([10.0, 25.0]))
     assert around[row, 50] > free[row, 50] + 15
     assert around[row, 50] < 1000, "through the gap, not through the wall"
 
@@ -161,7 +189,7 @@ def test_commands_are_those_of_a_plain_rollout():
         layers = [0, 0, 1, 1, 2, 2, 2, 2, 2, 2]  # of 0.5 s, the last one from then on
         soft = np.stack([interpolated(inflated[k], points[:, n], 1.0) for n, k in enumerate(layers)])
         hard = np.stack([interpolated(touching[k], points[:, n], 1.0) for n, k in enumerate(layers)])
-        to_go = interpolated(own.cost_to_go(inflated[0], goals[robot]), points[:, -1], np.inf)
+        to_go = interpolated(costs_to_go(own, inflated[0], goals[robot]), points[:, -1], np.inf)
         cost = to_go + 5.0 * 4.0 * (soft.mean(0) + 2 * hard.max(0)) + 4.0 * (own.commands[:, 0] < 0)
         assert found[robot] == pytest.approx(cost, rel=2e-3)
     assert np.array_equal(own.plan(occupied, poses, goals), own.commands[found.argmin(1)])
@@ -191,6 +219,21 @@ def test_a_map_of_the_future_counts_when_the_robot_is_there():
     assert planner().plan(later, pose, goal)[0, 0] < speed_now
 
 
+def test_a_robot_looks_before_it_turns():
+    pose, goal, free = np.array([[25.0, 25.0, 0.0]]), np.array([[25.0, 45.0]]), np.zeros((1, 1, 64, 64))
+    age_s, ones = np.full((1, 64, 64), 2.0), np.ones((1, 64, 64))
+    own = planner(look=10.0, unseen_s=1.0)
+    assert own.plan(free, pose, goal)[0, 0] > 0
+    speed, turn = own.plan(free, pose, goal, age_s, ones)[0]
+    assert speed <= 0.5, "it stays in its pixel"
+    assert turn > 0.5
+    assert own.plan(free, pose, goal, age_s, 0 * ones)[0, 0] > 0, "nothing is expected"
+    fast = (own.commands == [2.0, 0.0]).all(1)
+    for unseen_s, share in ((1.0, 0.9), (3.0, 0.5), (5.0, 0.0)):  # the robot leaves its pixel after 0.4 s
+        cost = planner(look=10.0, unseen_s=unseen_s).costs(free, pose, goal, age_s, ones)
+        assert (cost - own.costs(free, pose, goal))[0, fast] == pytest.approx(share * 10 * 4)
+
+
 def test_robots_reach_goals_collide_and_wait():
     wall = [(25.0, y, 0.0, 0.0) for y in np.arange(0.0, 51.0, 1.5)]
     free, blocked, hit = drive(course(), course(*wall), course((10.0, 35.0, 0.0, -1.5)), inflation_m=0.8, weight=80.0)
@@ -210,7 +253,7 @@ def test_where_a_robot_is_hit():
     behind = course((5.0, 25.0, 3.0, 0.0))
     beside = course((10.0, 35.0, 2.0, -3.0))
     mapper = Mapper(blind)
-    found = Fleet(SPECS["static"], [ahead, behind, beside], mapper, USUAL, GRID).drive()
+    found = Fleet(SPECS["static"], [ahead, behind, beside], mapper, [USUAL] * 3, GRID).drive()
     assert [episode.outcome for episode in found] == ["collision"] * 3
     assert [episode.contact for episode in found] == ["in view", "behind", "beside"]
     assert found[0].clearance_m < 0.5
@@ -218,7 +261,7 @@ def test_where_a_robot_is_hit():
 
 def test_memory_ages_and_is_cleared_by_beams():
     angles = np.linspace(-0.2, 0.2, 21)
-    seen = Seen([course(), course()], np.zeros((1, 2, STEPS + 1, 3)), GRID, angles, 30.0, 0.1)
+    seen = Seen([course(), course()], np.zeros((1, 2, STEPS + 1, 3)), GRID, angles, 30.0, 0.1, np.full(2, np.nan))
     who, pose = np.array([1]), np.array([[10.0, 25.0, 0.0]])
     seen.add(who, np.full((1, 21), 10.0, dtype=np.float32), pose)
     assert not seen.hits(np.array([0]), 1000.0).any(), "another robot has seen nothing"
@@ -236,7 +279,7 @@ def test_memory_ages_and_is_cleared_by_beams():
 
 def test_the_true_map_moves_on_with_its_velocities():
     moving = course((20.0, 25.0, 1.5, 0.0))
-    seen = Seen([moving], moving.states[:, None], GRID, np.zeros(2), 30.0, 0.1)
+    seen = Seen([moving], moving.states[:, None], GRID, np.zeros(2), 30.0, 0.1, np.full(1, np.nan))
     seen.step = TURN_STEPS + 20
     maps = CLASSICAL["true_velocities"].maps(seen, np.array([0]))
     assert maps.shape == (1, len(AHEAD_S), 64, 64)
@@ -254,7 +297,7 @@ TRACKER = {"near_m": 0.7, "coast_s": 5.0, "margin_m": 0.0, "free_steps": 50, "ra
 
 def mapped(mapper: Mapper, driven: Course, **settings: float) -> np.ndarray:
     """Return the first map of a mapper after the turn, (H, W)."""
-    fleet = Fleet(SPECS["static"], [driven], mapper, {**USUAL, **settings}, GRID)
+    fleet = Fleet(SPECS["static"], [driven], mapper, [{**USUAL, **settings}], GRID)
     for step in range(1, TURN_STEPS + 1):
         fleet._move(np.array([0]), step)
     return mapper.maps(fleet.seen, np.array([0]), **settings)[0, 0]
@@ -283,7 +326,7 @@ def test_the_maps_of_all_arms_show_what_was_seen():
 
 def test_the_map_of_a_network_is_one_minus_its_probability_of_free():
     class Quarter:
-        def predict(self, scans, allow_empty):
+        def predict(self, scans, batch, allow_empty):
             return np.full((len(scans), 64, 64), 0.25)
 
     assert set(np.unique(mapped(network_mapper(Quarter()), course()))) == {0.75}
@@ -297,7 +340,7 @@ def test_the_settings_name_every_arm():
 def test_an_episode_that_is_replayed_with_shapely_ends_the_same():
     """Drive by memory, and check every step of each episode with another implementation of the collision test."""
     courses = [sample_course(SPECS["fast"], seed)[0] for seed in range(20, 26)]
-    fleet = Fleet(SPECS["fast"], courses, CLASSICAL["decay"], {**USUAL, "age_s": 3.0}, GRID)
+    fleet = Fleet(SPECS["fast"], courses, CLASSICAL["decay"], [{**USUAL, "age_s": 3.0}] * 6, GRID)
     paths, move = [], fleet._move
 
     def recording(who, step):
@@ -320,45 +363,88 @@ def gap(driven: Course, step: int, place: np.ndarray) -> float:
     return min(shapely.distance(shape, shapely.Point(place)) for shape in shapes)
 
 
+def fake(self, keys):
+    """Succeed with an inflation of 0.8 m only, or of 1.6 m in the first ten courses."""
+    rows = []
+    for split, experiment, seed, label in keys:
+        values = {"time_s": 20.0, "path_m": 30.0, "way_m": 30.0, "split": split, "experiment": experiment}
+        inflation_m = trials.settings_of(label)["inflation_m"]
+        reached = inflation_m == 0.8 or (inflation_m == 1.6 and seed % 10_000 < 10)
+        rows.append({**values, "seed": seed, "settings": label, "outcome": "goal" if reached else "timeout"})
+    driven.extend(keys)
+    return pd.DataFrame(rows)
+
+
+driven: list = []
+
+
 def test_a_study_goes_on_where_it_was_left(tmp_path, monkeypatch):
     monkeypatch.setattr(trials, "WEIGHTS", (20.0,))
-    driven = []
-
-    def fake(self, names, settings):
-        self.driven += len(names)
-        driven.extend((*name, settings["inflation_m"]) for name in names)
-        outcome = "goal" if settings["inflation_m"] == 0.8 else "timeout"
-        values = {"time_s": 20.0, "path_m": 30.0, "way_m": 30.0, "outcome": outcome}
-        return pd.DataFrame([{"experiment": name, "seed": seed, **values, **settings} for name, seed in names])
-
     monkeypatch.setattr(trials.Trials, "_drive", fake)
-    own = trials.Trials(tmp_path, "truth", CLASSICAL["truth"], SPECS, GRID, inflations_m=(0.8, 1.6))
-    own.run(trials.Seeds(validation=2, test=3, curve=1), {"commit": "1"})
-    assert pd.read_csv(tmp_path / "truth" / "test.csv")["inflation_m"].unique() == [0.8]
-    assert len(pd.read_csv(tmp_path / "truth" / "curve.csv")) == 2 * 2
+    own = trials.Trials(tmp_path, "truth", CLASSICAL["truth"], SPECS, GRID)
+    driven.clear()
+    assert own.run(trials.Seeds(validation=20, test=3), {"commit": "1"}) == {"inflation_m": 0.8, "weight": 20.0}
+    assert sum(key[0] == "validation" for key in driven) == 2 * 20 * trials.TRIES
     before = len(driven)
-    own.run(trials.Seeds(validation=2, test=3, curve=1), {"commit": "1"})
+    own.run(trials.Seeds(validation=20, test=3), {"commit": "2"})
     assert len(driven) == before
-    own.run(trials.Seeds(validation=2, test=4, curve=1), {"commit": "1"})
+    own.run(trials.Seeds(validation=20, test=4), {"commit": "3"})
+    assert {key[:3] for key in driven[before:]} == {("test", name, trials.FIRST["test"] + 3) for name in SPECS}
     steps = read_mapping(tmp_path / "truth" / trials.ORIGIN, "")["steps"]
-    assert [step["commit"] for step in steps] == ["1", "1"], "nothing was driven in between"
-    assert driven[before:] == [(name, trials.FIRST["test"] + 3, 0.8) for name in SPECS]
-    one = trials.Trials(tmp_path, "truth", CLASSICAL["truth"], {"fast": SPECS["fast"]}, GRID, inflations_m=(0.8, 1.6))
-    assert set(one.episodes("test", {**USUAL, "inflation_m": 0.8}, 3)["experiment"]) == {"fast"}
-    other = trials.Trials(tmp_path, "truth", CLASSICAL["truth"], SPECS, Grid(32, 50.0), inflations_m=(0.8, 1.6))
+    assert [step["commit"] for step in steps] == ["1", "3"], "nothing was driven in between"
+    other = trials.Trials(tmp_path, "truth", CLASSICAL["truth"], SPECS, Grid(32, 50.0))
     with pytest.raises(InputError, match="episodes with another value of grid"):
-        other.run(trials.Seeds(2, 3, 1), {})
+        other.run(trials.Seeds(20, 3), {})
+
+
+def test_settings_have_their_turns_and_more_courses_change_nothing():
+    labels = [f"weight={number}" for number in range(7)]
+    few, many = (trials.design(labels, ["static", "fast"], count) for count in (20, 40))
+    assert set(few) < set(many)
+    assert len(set(many)) == len(many) == 2 * 40 * trials.TRIES
+    for name in ("static", "fast"):
+        counts = pd.Series([label for experiment, _, label in many if experiment == name]).value_counts()
+        assert counts.max() - counts.min() <= 2
+        assert len(counts) == 7
+    settings = {"inflation_m": 0.8, "weight": 100.0, "threshold": None}
+    assert trials.settings_of(trials.label_of(settings)) == {"inflation_m": 0.8, "weight": 100.0}
+
+
+def test_scores_are_smoothed_by_a_gaussian_process():
+    """Compare with scikit-learn: a setting that is luckier than its neighbors is not chosen before a hill."""
+    luck = {0.8: 0.8, 1.6: 0.2, 2.4: 0.3, 3.2: 0.7, 4.0: 0.75, 4.8: 0.7, 5.6: 0.6}
+    rows = [
+        {"experiment": "fast", "seed": seed, "settings": f"inflation_m={inflation_m:g} weight=3 threshold=0.1"}
+        | {"outcome": "goal" if seed < 20 * share else "timeout", "way_m": 0.0, "path_m": 1.0}
+        for inflation_m, share in luck.items()
+        for seed in range(20)
+    ]
+    surface = trials.Surface.of(pd.DataFrame(rows))
+    gains, noise = surface.deviations.mean(0), (surface.deviations**2).sum() / (20 * 6)
+    kernel = ConstantKernel(trials.SPREAD**2) * RBF(trials.REACH)
+    process = GaussianProcessRegressor(kernel, alpha=noise / 20, optimizer=None).fit(np.arange(7)[:, None], gains)
+    expected = surface.means.mean() + process.predict(np.arange(7)[:, None])
+    assert surface.smoothed(np.ones((1, 20)))[0] == pytest.approx(expected)
+    assert surface.chosen[0] == "inflation_m=4.8 weight=3 threshold=0.1"
+    assert surface.tested[0] == surface.chosen[0]
+    other = pd.DataFrame(rows).assign(settings=lambda rows: rows["settings"].str.replace("=0.1", "=0.2"))
+    both = trials.Surface.of(pd.concat([pd.DataFrame(rows), other], ignore_index=True))
+    same = np.array(["threshold=0.1" in label for label in both.labels])
+    assert both.kernel[same][:, ~same] == pytest.approx(trials.ALIKE * both.kernel[same][:, same])
 
 
 def test_arms_are_compared_on_the_same_courses():
-    rows = []
+    rows, known = [], {"split": "test", "settings": "inflation_m=1.6 weight=3"}
     for mapper, outcomes in {"scan": "ccgg", "keep": "cggg", "convgru-series10": "gggg", "truth": "ggggg"}.items():
         for seed, outcome in enumerate(outcomes):
             is_hit = outcome == "c"
             driven = {"time_s": 25.0, "speed_m_s": 2.0, "path_m": 50.0, "way_m": 40.0, "clearance_m": 1.0}
             end = {"outcome": "collision" if is_hit else "goal", "contact": "behind" if is_hit else "", "stood": is_hit}
-            rows.append({"experiment": "fast", "mapper": mapper, "seed": seed, "moving_share": 1.0, **driven, **end})
-    found = compare_mappers(pd.DataFrame(rows))
+            rows.append(
+                {"experiment": "fast", "mapper": mapper, "seed": seed, "moving_share": 1.0, **driven, **end, **known}
+            )
+    validation = [{**row, "split": "validation"} for row in rows]
+    found = compare_mappers(pd.DataFrame(rows + validation))
     whole, found = (found[found["experiment"] == name].set_index("mapper") for name in ("all", "fast"))
     assert whole.drop(columns="experiment").equals(found.drop(columns="experiment")), "there is one experiment"
     assert found.loc["convgru-series10", "title"] == "ConvGRU, series10"
@@ -366,7 +452,21 @@ def test_arms_are_compared_on_the_same_courses():
     assert list(found["success"]) == [0.5, 0.75, 1.0, 1.0]
     assert list(found["episodes"]) == [4, 4, 4, 5], "differences are on shared courses"
     assert list(found["difference"]) == [-0.25, 0.0, 0.25, 0.25]
-    assert list(found["share_of_gap"]) == [0.0, 0.5, 1.0, 1.0]
     assert found.loc["scan", ["hit_behind", "hit_standing", "spl"]].tolist() == [0.5, 0.5, 0.4]
     assert found.loc["keep", "low"] <= 0.75 <= found.loc["keep", "high"]
     assert barn(pd.DataFrame(rows))[2] == pytest.approx(20 / 80)
+
+
+def test_the_choice_of_the_settings_is_in_the_interval():
+    """Half of the validation courses speak for each of two settings, one of which fails on all test courses."""
+    rows = []
+    for split, count in {"validation": 40, "test": 20}.items():
+        for seed, inflation_m in product(range(count), (1.6, 5.6)):
+            reached = inflation_m == 1.6 if split == "test" else (seed % 2 == 0) == (inflation_m == 1.6) or seed == 1
+            known = {"split": split, "seed": seed, "settings": f"inflation_m={inflation_m:g} weight=3"}
+            rows.append(known | {"experiment": "fast", "mapper": "keep", "outcome": "goal" if reached else "timeout"})
+    fixed = {"time_s": 25.0, "speed_m_s": 2.0, "path_m": 50.0, "way_m": 40.0, "clearance_m": 1.0, "moving_share": 1.0}
+    (whole, _) = compare_mappers(pd.DataFrame(rows).assign(**fixed, contact="", stood=False)).itertuples()
+    assert whole.settings == "inflation_m=1.6 weight=3"
+    assert (whole.success, whole.low, whole.high) == (1.0, 0.0, 1.0)
+    assert whole.covered == 1.0

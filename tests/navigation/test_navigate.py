@@ -10,12 +10,7 @@ from repro.system.errors import InputError
 
 pytestmark = pytest.mark.slow
 
-FEW = [
-    "navigation.inflations_m=[1.6]",
-    "navigation.validation_seeds=1",
-    "navigation.test_seeds=2",
-    "navigation.curve_seeds=1",
-]
+FEW = ["navigation.validation_seeds=1", "navigation.test_seeds=2"]
 
 
 def run(outputs, *arguments) -> None:
@@ -37,8 +32,9 @@ def outputs(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def one_candidate(monkeypatch):
     monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(trials, "INFLATIONS_M", (1.6,))
     monkeypatch.setattr(trials, "WEIGHTS", (20.0,))
-    monkeypatch.setattr(trials, "THRESHOLDS", (0.35,))
+    monkeypatch.setattr(trials, "LOOKS", {"look": (3.0,), "unseen_s": (1.0,)})
 
 
 def navigate(outputs, mapper, *arguments) -> None:
@@ -46,14 +42,13 @@ def navigate(outputs, mapper, *arguments) -> None:
 
 
 def test_arms_are_driven_and_compared(outputs):
-    navigate(outputs, "truth")
+    navigate(outputs, "keep", "navigation.looks=true")
     navigate(outputs, "network", f"prediction.weights={outputs}/runs/expmixed/unet/projection/seed0")
     rows = pd.read_csv(outputs / "analysis" / "navigation.csv")
-    assert list(rows["mapper"]) == ["unet-projection", "truth"] * 2
-    assert list(rows["episodes"]) == [2] * 4
-    tuned = pd.read_csv(outputs / "analysis" / "navigation_tuned.csv").set_index("mapper")
-    assert tuned.loc["truth", ["inflation_m", "weight"]].tolist() == [1.6, 20.0]
-    assert pd.isna(tuned.loc["truth", "threshold"])
+    assert list(rows["mapper"]) == ["keep", "keep+looks", "unet-projection"] * 2
+    assert list(rows["episodes"]) == [2] * 6
+    assert list(rows["settings"][:2]) == ["inflation_m=1.6 weight=20", "inflation_m=1.6 weight=20 look=3 unseen_s=1"]
+    assert rows.loc[2, "settings"].startswith("inflation_m=1.6 weight=20")
     assert (outputs / "analysis" / "navigation.png").is_file()
     assert (outputs / "analysis" / "navigation.json").is_file()
 

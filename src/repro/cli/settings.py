@@ -14,7 +14,7 @@ from repro.cli.refusals import Refused
 from repro.logs.options import Center, LidarRange, Misses, Mounting, Pose, Spacing, Steps, StepTime
 from repro.runs.parallel import has_gpu
 from repro.system.errors import InputError
-from repro.system.fields import KNOWN_KEYS, Name, NotNegative, ordered
+from repro.system.fields import KNOWN_KEYS, Name, NotNegative
 
 Precision = Literal["auto", "32-true", "bf16-mixed", "16-mixed", "bf16-true", "16-true", "64-true"]  # of Lightning
 MAX_WORKERS = max(8, 2 * (os.cpu_count() or 1))
@@ -120,10 +120,9 @@ class Navigation:
 
     mapper: Literal[Classical, "network"]
     experiments: Annotated[list[Name], Field(min_length=1)]
-    inflations_m: Annotated[list[Annotated[float, Field(ge=0, le=20)]], Field(min_length=1), AfterValidator(ordered)]
     validation_seeds: SeedCount
     test_seeds: SeedCount
-    curve_seeds: SeedCount
+    looks: bool
 
 
 @dataclass(frozen=True)

@@ -174,7 +174,7 @@ def _training_module(recordings: Recordings, config: RunConfig, device: str) -> 
         start_from(network, config.train.weights)
     accelerate(network, device)
     keep_freed_memory()  # for the training steps; the data is loaded before
-    loss = ShownLoss() if shown else MapLoss(config.train.dice_eps)
+    loss = MapLoss(config.train.dice_eps) if config.train.loss == "map" else ShownLoss()  # nothing is marked: Eq. 1
     return TrainingModule(network, train_pairs, val_pairs, config.train, config.seed, loss)
 
 

@@ -6,8 +6,8 @@ steps. Obstacles ignore the robots.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -67,12 +67,17 @@ class Fleet:
         spec: the worlds of the courses.
         courses: E courses.
         mapper: how the robots make maps.
-        settings: values of the settings of the mapper and of the planner.
+        settings: values of the settings of the mapper and of the planner for each course.
         grid: grid of the maps.
     """
 
     def __init__(
-        self, spec: WorldSpec, courses: Sequence[Course], mapper: Mapper, settings: dict[str, Any], grid: Grid
+        self,
+        spec: WorldSpec,
+        courses: Sequence[Course],
+        mapper: Mapper,
+        settings: Sequence[Mapping[str, Any]],
+        grid: Grid,
     ) -> None:
         robot, lidar = spec.robot.irsim(), spec.lidar.irsim()
         self.step_s, self.range_max_m = spec.world.step_time, spec.lidar.range_max
@@ -82,12 +87,15 @@ class Fleet:
             number = round(2 * math.pi / lidar["angle_range"] * (lidar["number"] - 1))
             lidar |= {"angle_range": 2 * math.pi * (1 - 1 / number), "number": number}
         self.angles = beam_angles(lidar)
-        self.courses, self.settings = courses, {key: settings[key] for key in mapper.candidates}
-        self.mapper = mapper
-        planned = Settings(**{key: value for key, value in settings.items() if key not in mapper.candidates})
-        self.planner = Planner(grid, planned, self.radius_m, *map(float, robot["vel_max"]))
+        self.courses, self.mapper, self.speed_m_s = courses, mapper, float(robot["vel_max"][0])
+        of_robot = self.radius_m, *map(float, robot["vel_max"])
+        self.groups: list[tuple[np.ndarray, Planner, dict[str, Any]]] = []
+        for own in [dict(items) for items in dict.fromkeys(tuple(each.items()) for each in settings)]:
+            planned = {field.name: own.pop(field.name) for field in fields(Settings) if field.name in own}
+            those = [index for index, each in enumerate(settings) if each == own | planned]
+            self.groups.append((np.array(those), Planner(grid, Settings(**planned), *of_robot), own))
         self.outlines, self.obstacles = _stacked(courses)
-        forgetting = self.settings.get("forgetting")
+        forgetting = np.array([each.get("forgetting", np.nan) for each in settings], dtype=np.float32)
         self.seen = Seen(courses, self.obstacles, grid, self.angles, self.range_max_m, self.step_s, forgetting)
         self.radii = np.linalg.norm(self.outlines, axis=-1).max(-1)  # (O, E)
         self.poses = np.array([course.start for course in courses])
@@ -104,13 +112,25 @@ class Fleet:
             if not len(who):
                 break
             if step > TURN_STEPS and (step - TURN_STEPS - 1) % EVERY == 0:
-                occupied = self.mapper.maps(self.seen, who, **self.settings)
-                goals = np.array([self.courses[index].goals[self.goal[index]] for index in who])
-                self.commands[who] = self.planner.plan(occupied, self.poses[who], goals)
+                self._plan(who)
             self._move(who, step)
         for index in set(range(len(self.courses))) - set(self.episodes):
             self._end(index, "timeout", TURN_STEPS + LIMIT_STEPS)
         return [self.episodes[index] for index in range(len(self.courses))]
+
+    def _plan(self, who: np.ndarray) -> None:
+        """Command the robots that still drive, those with the same settings together."""
+        for group, planner, settings in self.groups:
+            own = np.intersect1d(group, who)
+            if not len(own):
+                continue
+            occupied = self.mapper.maps(self.seen, own, **settings)
+            goals = np.array([self.courses[index].goals[self.goal[index]] for index in own])
+            look = []
+            if planner.settings.look:
+                expected = occupied[:, 0] if self.mapper.has_prior else np.ones_like(occupied[:, 0])
+                look = [(self.seen.step - self.seen.passed[own]) * self.step_s, expected]
+            self.commands[own] = planner.plan(occupied, self.poses[own], goals, *look)
 
     def _move(self, who: np.ndarray, step: int) -> None:
         """Move the robots, end the episodes that are over, and scan."""
@@ -118,8 +138,8 @@ class Fleet:
         if step > TURN_STEPS:
             self.path_m[who] += np.abs(self.commands[who, 0]) * self.step_s
             self.moving_steps[who] += self.commands[who, 0] != 0
-        obstacles = self.obstacles[:, who, step]
-        distance, contact = nearest(self.poses[who, :2], self.outlines[:, who], obstacles, self.radii[:, who])
+        outlines, obstacles = self.outlines[:, who], self.obstacles[:, who, step]
+        distance, contact = nearest(self.poses[who, :2], outlines, obstacles, self.radii[:, who])
         self.clearance_m[who] = np.minimum(self.clearance_m[who], distance)
         for index, touched, point in zip(who, distance < self.radius_m, contact, strict=True):
             if touched:
@@ -128,12 +148,13 @@ class Fleet:
                 self.goal[index] += 1
                 if self.goal[index] == len(self.courses[index].goals):
                     self._end(index, "goal", step)
-        going = np.array([index not in self.episodes for index in who])
-        who, obstacles = who[going], obstacles[:, going]
+        if not self.episodes.keys().isdisjoint(who):
+            going = np.array([index not in self.episodes for index in who])
+            who, obstacles, outlines = who[going], obstacles[:, going], outlines[:, going]
         if self.mapper.lidar == "none":
             self.seen.step = step
         elif len(who):
-            ranges, _ = scan(self.poses[who], self.angles, self.outlines[:, who], obstacles, self.range_max_m)
+            ranges, _ = scan(self.poses[who], self.angles, outlines, obstacles, self.range_max_m)
             self.seen.add(who, ranges.astype(np.float32), self.poses[who])
 
     def _end(self, index: int, outcome: str, step: int, contact: np.ndarray | None = None) -> None:
@@ -148,7 +169,7 @@ class Fleet:
             len(course.outlines),
             outcome,
             driven * self.step_s,
-            self.planner.speed_m_s,
+            self.speed_m_s,
             float(self.path_m[index]),
             course.way_m,
             float(self.clearance_m[index]),

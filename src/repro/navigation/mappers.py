@@ -16,8 +16,10 @@ from repro.navigation.courses import TURN_STEPS, Course
 from repro.navigation.planner import HORIZON_S, LAYER_S
 from repro.networks.predictor import Predictor
 from repro.scans import Scans
+from repro.system.compiled import compiled
 
 AHEAD_S = np.arange(0, HORIZON_S, LAYER_S)  # times of the maps of a mapper that knows velocities, from now on
+AT_ONCE = 2  # windows of a call of the network, which is slower with more
 NEVER = -(10**6)  # step of what has not been seen
 
 
@@ -32,7 +34,8 @@ class Seen:
         angles: beam angles [rad], (N,).
         range_max_m: maximum range [m].
         step_s: duration of a step [s].
-        forgetting: share of the log-odds that is forgotten in every step; None where no map needs them.
+        forgetting: share of the log-odds that is forgotten in every step by each robot, (E,); NaN where no map needs
+            them.
     """
 
     courses: Sequence[Course]
@@ -41,7 +44,7 @@ class Seen:
     angles: np.ndarray
     range_max_m: float
     step_s: float
-    forgetting: float | None = None
+    forgetting: np.ndarray
     step: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
@@ -57,10 +60,11 @@ class Seen:
         self.step += 1
         scans = Scans(ranges[:, None], self.angles, poses[:, None]).batched()
         hit, passed = observation(scans, self.grid, self.range_max_m)
-        self.hit[who] = np.where(hit, self.step, self.hit[who])
-        self.passed[who] = np.where(passed, self.step, self.passed[who])
-        if self.forgetting is not None:
-            log_odds = (1 - self.forgetting) * self.log_odds[who] + HIT_GAIN * hit + PASSED_GAIN * passed
+        _note(self.hit, who, hit, self.step)
+        _note(self.passed, who, passed, self.step)
+        if not np.isnan(self.forgetting).any():
+            kept = 1 - self.forgetting[who, None, None]
+            log_odds = kept * self.log_odds[who] + HIT_GAIN * hit + PASSED_GAIN * passed
             self.log_odds[who] = np.clip(log_odds, -8, 8)
 
     def hits(self, who: np.ndarray, age_s: float) -> np.ndarray:
@@ -74,6 +78,14 @@ class Seen:
         return Scans(self.ranges[who][:, order], self.angles, self.poses[who][:, order].astype(np.float32))
 
 
+@compiled
+def _note(newest: np.ndarray, who: np.ndarray, observed: np.ndarray, step: int) -> None:
+    """Write the step to the pixels (E, H, W) that K robots observed, (K, H, W)."""
+    for number, row, column in np.ndindex(observed.shape):
+        if observed[number, row, column]:
+            newest[who[number], row, column] = step
+
+
 Maps = Callable[[Seen, np.ndarray], np.ndarray]  # probabilities of an obstacle now, or also later, (K, 1 or L, H, W)
 
 
@@ -82,16 +94,16 @@ class Mapper:
     """One way to make maps.
 
     Args:
-        maps: the function, with the settings of `candidates` as keywords.
-        candidates: the values of further settings that are tuned, in ascending order.
-        is_binary: whether its maps are 0 or 1, so that a threshold has no effect.
+        maps: the function, with those settings of `candidates` as keywords that are not the planner's.
+        candidates: the values of further settings that are tuned, of the function or of the planner.
+        has_prior: whether its maps tell how probable obstacles are where nothing was seen.
         lidar: its field of view: `robot`, that of the world; `circle`, 360 degrees; `none`, which needs no scans.
         weights: checksum of the weights of its network; empty without one.
     """
 
     maps: Callable[..., np.ndarray]
-    candidates: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    is_binary: bool = False
+    candidates: Mapping[str, Sequence[float | None]] = field(default_factory=dict)
+    has_prior: bool = False
     lidar: Literal["robot", "circle", "none"] = "robot"
     weights: str = ""
 
@@ -101,12 +113,12 @@ def _hits(seen: Seen, who: np.ndarray, *, age_s: float) -> np.ndarray:
 
 
 def _log_odds(seen: Seen, who: np.ndarray, *, forgetting: float) -> np.ndarray:
-    assert forgetting == seen.forgetting, "the grid is filtered scan by scan"
+    assert np.allclose(seen.forgetting[who], forgetting), "the grid is filtered scan by scan"
     return 1 / (1 + np.exp(-(seen.log_odds[who, None] + PRIOR_LOGIT)))
 
 
 def _network(predictor: Predictor, seen: Seen, who: np.ndarray) -> np.ndarray:
-    return 1 - predictor.predict(seen.window(who), allow_empty=True)[:, None]
+    return 1 - predictor.predict(seen.window(who), AT_ONCE, allow_empty=True)[:, None]
 
 
 def _tracked(settings: Mapping[str, float], seen: Seen, who: np.ndarray) -> np.ndarray:
@@ -148,23 +160,23 @@ def _truth(seen: Seen, who: np.ndarray, *, ahead_s: np.ndarray) -> np.ndarray:
 
 
 AGES_S = (1.0, 3.0, 10.0, 30.0)
-ALL_AGES_S = (0.0, *AGES_S, 1000.0)
+THRESHOLDS = (None, 0.1, 0.2, 0.35)
 CLASSICAL = {
-    "scan": Mapper(partial(_hits, age_s=0.0), is_binary=True),
-    "keep": Mapper(partial(_hits, age_s=1000.0), is_binary=True),
-    "decay": Mapper(_hits, {"age_s": AGES_S}, is_binary=True),
-    "log_odds": Mapper(_log_odds, {"forgetting": (0.0, 0.005, 0.02, 0.05)}),
-    "full_circle": Mapper(_hits, {"age_s": ALL_AGES_S}, is_binary=True, lidar="circle"),
-    "truth": Mapper(partial(_truth, ahead_s=AHEAD_S[:1]), is_binary=True, lidar="none"),
-    "true_velocities": Mapper(partial(_truth, ahead_s=AHEAD_S), is_binary=True, lidar="none"),
+    "scan": Mapper(partial(_hits, age_s=0.0)),
+    "keep": Mapper(partial(_hits, age_s=1000.0)),
+    "decay": Mapper(_hits, {"age_s": AGES_S}),
+    "log_odds": Mapper(_log_odds, {"forgetting": (0.005, 0.02, 0.05, 0.15)}, has_prior=True),
+    "full_circle": Mapper(_hits, {"age_s": (3.0, 10.0, 1000.0)}, lidar="circle"),
+    "truth": Mapper(partial(_truth, ahead_s=AHEAD_S[:1]), lidar="none"),
+    "true_velocities": Mapper(partial(_truth, ahead_s=AHEAD_S), lidar="none"),
 }
 
 
 def network_mapper(predictor: Predictor, *, weights: str = "") -> Mapper:
     """Return the mapper of a trained network."""
-    return Mapper(partial(_network, predictor), weights=weights)
+    return Mapper(partial(_network, predictor), {"threshold": THRESHOLDS}, has_prior=True, weights=weights)
 
 
 def tracker_mapper(settings: Mapping[str, float]) -> Mapper:
     """Return the mapper of the tracker with settings that `baselines.registry` has tuned."""
-    return Mapper(partial(_tracked, settings), is_binary=True)
+    return Mapper(partial(_tracked, settings))

@@ -1,31 +1,27 @@
 """The planner of all mappers: a cost-to-go on the map, and arcs that are rolled out over it.
 
 The probability of an obstacle p is inflated: the largest one within a radius. A meter costs 1 + weight p. Dijkstra's
-algorithm (SciPy) gives the cost from every pixel to the goal. Of the arcs of constant speed and turn over two seconds,
-as in the dynamic window approach (Fox, Burgard and Thrun 1997), the robot takes the one with the least sum of the cost
-from its end to the goal, of a risk times the weight times the longest way, and, if it drives backward, of the longest
-way. The risk is the mean of the inflated p along the arc and `LETHAL` times the largest p within the robot's radius.
+algorithm gives the cost from the pixels around the robot to the goal. Of the arcs of constant speed and turn over two
+seconds, as in the dynamic window approach (Fox, Burgard and Thrun 1997), the robot takes the one with the least sum of
+the cost from its end to the goal, of a risk times the weight times the longest way, and, if it drives backward, of the
+longest way. The risk is the mean of the inflated p along the arc and `costs.LETHAL` times the largest p within the
+robot's radius. With `Settings.look`, obstacles that are expected unseen on the arc cost, too.
 """
 
 import itertools
 from dataclasses import dataclass
-from functools import lru_cache, partial
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from repro.maps.grid import Grid
 from repro.maps.outlines import placed
-from repro.system.compiled import compiled
+from repro.navigation.costs import flood, roll_out, spread, unseen
 
 HORIZON_S = 2.0  # of an arc
 LAYER_S = 0.5  # from one map of the future to the next
 TIMES_S = np.arange(1, 11) * HORIZON_S / 10  # of the points of an arc at which the map is read
 SPEEDS = (-0.5, 0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the largest
 TURNS = 13  # from one largest rate of turn to the other
-LETHAL = 2.0  # of the risk, for the largest p that touches the robot: more than an arc can gain
-OUTSIDE = 1.0  # probability of an obstacle beyond the border
 
 
 @dataclass(frozen=True)
@@ -36,11 +32,16 @@ class Settings:
         inflation_m: radius by which obstacles grow [m].
         weight: cost of a meter in an obstacle, in meters.
         threshold: probability above which a pixel is an obstacle; None takes the probabilities as they are.
+        look: cost of a meter of an arc where an obstacle is expected unseen, in meters, so that a robot may turn its
+            lidar before its path.
+        unseen_s: age of the last look at a pixel from which on it is unseen when the arc enters it [s].
     """
 
     inflation_m: float
     weight: float
     threshold: float | None = None
+    look: float = 0.0
+    unseen_s: float = 0.0
 
 
 class Planner:
@@ -66,63 +67,65 @@ class Planner:
         fall = (settings.inflation_m - away) / max(settings.inflation_m - core, 1e-9)  # less than 0 spreads nothing
         self.fall, self.core = np.where(away <= core, 1, fall), np.where(away <= core, 1.0, 0.0)
 
-    def plan(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray) -> np.ndarray:
+    def plan(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray, *look: np.ndarray) -> np.ndarray:
         """Choose the commands of E robots.
 
         Args:
             occupied: probability of an obstacle now and every `LAYER_S` later, K maps, (E, K, H, W).
             poses: x, y [m], heading [rad], (E, 3).
             goals: x, y [m], (E, 2).
+            look: with `Settings.look`, time since a beam passed over each pixel [s], and obstacles that are expected
+                in it if it is unseen, each (E, H, W).
 
         Returns:
             speed [m/s] and rate of turn [rad/s], (E, 2).
         """
-        return self.commands[self.costs(occupied, poses, goals).argmin(1)]
+        return self.commands[self.costs(occupied, poses, goals, *look).argmin(1)]
 
-    def costs(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray) -> np.ndarray:
+    def costs(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray, *look: np.ndarray) -> np.ndarray:
         """Return the cost of every arc of E robots, (E, A), see `plan`; infinite where it ends off the map."""
         if self.settings.threshold is not None:
             occupied = (occupied > self.settings.threshold).astype(np.float32)
         inflated, lethal = self.inflate(occupied, self.fall), self.inflate(occupied, self.core)
-        to_go = np.stack([self.cost_to_go(maps[0], goal) for maps, goal in zip(inflated, goals, strict=True)])
-        points = placed(self.arcs, poses[:, None])  # (E, A, P, 2)
+        points = placed(self.arcs, poses[:, None]) / self.grid.resolution_m  # (E, A, P, 2)
         layer = np.minimum(TIMES_S // LAYER_S, occupied.shape[1] - 1).astype(int)
-        on_arc = partial(self._along, points=points, layer=layer)
-        risk = on_arc(inflated).mean(0) + LETHAL * on_arc(lethal).max(0)
-        cost = self._read(to_go, points[:, :, -1], outside=np.inf) + self.settings.weight * self.longest_m * risk
-        return cost + self.longest_m * (self.commands[:, 0] < 0)
+        cost = self.longest_m * (self.commands[:, 0] < 0) + np.zeros(points.shape[:2])
+        if look:
+            age_s, expected = look
+            start, headings = (
+                poses[:, None, :2] / self.grid.resolution_m,
+                poses[:, 2:] + HORIZON_S * self.commands[:, 1],
+            )
+            hidden = unseen(age_s, expected, start[:, 0], points, self.settings.unseen_s - TIMES_S)
+            cost += self.settings.look * self.longest_m * hidden
+            still = self.commands[:, 0] == 0  # on the spot, what counts is the cost from the pixel that the robot faces
+            points[:, still, -1] = start + np.stack([np.cos(headings), np.sin(headings)], axis=-1)[:, still]
+        to_go = self.costs_to_go(inflated[:, 0], goals, points[:, :, -1])
+        left, risk = roll_out(to_go, inflated, lethal, points, layer)
+        return left + self.settings.weight * self.longest_m * risk + cost
 
     def inflate(self, occupied: np.ndarray, fall: np.ndarray) -> np.ndarray:
         """Return the largest product of p and the weight of its distance around each pixel, (..., H, W)."""
         inflated = np.zeros_like(occupied)
-        _spread(occupied.reshape(-1, *occupied.shape[-2:]), fall, inflated.reshape(-1, *occupied.shape[-2:]))
+        spread(occupied.reshape(-1, *occupied.shape[-2:]), fall, inflated.reshape(-1, *occupied.shape[-2:]))
         return inflated
 
-    def cost_to_go(self, inflated: np.ndarray, goal: np.ndarray) -> np.ndarray:
-        """Compute the cost from every pixel of a map (H, W) to a goal [m], (H, W)."""
-        size = self.grid.size_px
-        cost = (1 + self.settings.weight * inflated).ravel() * self.grid.resolution_m
-        start, end, first, length = _neighbors(size)
-        graph = csr_array((0.5 * (cost[start] + cost[end]) * length, end, first), shape=(size**2, size**2))
-        column, row = np.clip(goal // self.grid.resolution_m, 0, size - 1).astype(int)
-        return dijkstra(graph, indices=(size - 1 - row) * size + column).reshape(size, size)
+    def costs_to_go(self, inflated: np.ndarray, goals: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Compute the costs to goals [m], at least in the pixels around some points.
 
-    def _along(self, maps: np.ndarray, points: np.ndarray, layer: np.ndarray) -> np.ndarray:
-        """Read maps (E, K, H, W) at the points of arcs (E, A, P, 2), each in its layer (P,); returns (P, E, A)."""
-        return np.stack([self._read(maps[:, k], points[:, :, p]) for p, k in enumerate(layer)])
+        Args:
+            inflated: maps, (E, H, W).
+            goals: x, y [m], (E, 2).
+            ends: x, y [px], (E, A, 2).
 
-    def _read(self, maps: np.ndarray, points: np.ndarray, outside: float = OUTSIDE) -> np.ndarray:
-        """Interpolate maps (E, H, W) at points x, y [m], (E, ..., 2), with a value for those outside, (E, ...)."""
+        Returns:
+            the costs, (E, H, W); infinite, or too large, farther away.
+        """
         size = self.grid.size_px
-        x, y = np.moveaxis(points, -1, 0) / self.grid.resolution_m
-        column, row = np.clip(x - 0.5, 0, size - 1.001), np.clip(size - y - 0.5, 0, size - 1.001)
-        left, top = column.astype(int), row.astype(int)
-        which = np.arange(len(maps)).reshape(-1, *[1] * (points.ndim - 2))
-        right, below = column - left, row - top
-        upper = maps[which, top, left] * (1 - right) + maps[which, top, left + 1] * right
-        lower = maps[which, top + 1, left] * (1 - right) + maps[which, top + 1, left + 1] * right
-        inside = (x >= 0) & (x < size) & (y >= 0) & (y < size)
-        return np.where(inside, upper * (1 - below) + lower * below, outside)
+        cost = (1 + self.settings.weight * inflated) * self.grid.resolution_m
+        column, up = np.clip(goals // self.grid.resolution_m, 0, size - 1).astype(int).T
+        nearby = np.stack([ends.min(1) - 1.5, ends.max(1) + 1.5], axis=1).clip(0, size - 1).astype(int)
+        return flood(cost, np.stack([size - 1 - up, column], axis=1), nearby, 0.999 * self.grid.resolution_m)
 
 
 def arcs(commands: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -136,37 +139,3 @@ def arcs(commands: np.ndarray, times: np.ndarray) -> np.ndarray:
     angle = turn * times / 2
     chord = speed * times * np.sinc(angle / np.pi)
     return np.stack([chord * np.cos(angle), chord * np.sin(angle)], axis=-1)
-
-
-@compiled
-def _spread(maps: np.ndarray, fall: np.ndarray, inflated: np.ndarray) -> None:
-    """Spread maps (M, H, W) by the weights of the distances, (2 R + 1, 2 R + 1), into maps of zeros."""
-    size, reach = maps.shape[1], len(fall) // 2
-    for index in range(len(maps)):
-        for row in range(size):
-            for column in range(size):
-                p = maps[index, row, column]
-                if p <= 0:
-                    continue
-                for to_row in range(max(0, row - reach), min(size, row + reach + 1)):
-                    for to_column in range(max(0, column - reach), min(size, column + reach + 1)):
-                        spread = p * fall[to_row - row + reach, to_column - column + reach]
-                        if spread > inflated[index, to_row, to_column]:
-                            inflated[index, to_row, to_column] = spread
-
-
-@lru_cache(maxsize=4)
-def _neighbors(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the edges between the eight neighbors on a grid, sorted: start, end, first edge of each pixel, length."""
-    pixel = np.arange(size**2).reshape(size, size)
-    starts, ends, lengths = [], [], []
-    for down, right in itertools.product((-1, 0, 1), repeat=2):
-        if down or right:
-            own = pixel[max(0, -down) : size - max(0, down), max(0, -right) : size - max(0, right)].ravel()
-            starts.append(own)
-            ends.append(own + down * size + right)
-            lengths.append(np.full(len(own), np.hypot(down, right)))
-    start, end, length = map(np.concatenate, (starts, ends, lengths))
-    order = np.lexsort((end, start))
-    first = np.searchsorted(start[order], np.arange(size**2 + 1))
-    return start[order], end[order].astype(np.int32), first.astype(np.int32), length[order]

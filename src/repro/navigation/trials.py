@@ -1,20 +1,26 @@
-"""One mapper of the comparison: tuned on validation courses, driven on test courses, and once more for each inflation.
+"""One mapper of the comparison: tuned on validation courses, driven on test courses.
 
-Every evaluation is a file of episodes, so that a run goes on where it was left.
+Each validation course is driven with a few settings of a grid, all settings in turn. The scores of the settings, less
+the means of the courses, are smoothed over neighbors on the grid by a Gaussian process, and the setting with the
+largest one is chosen. So is one in every resample of the courses; those chosen often are driven on test courses, too,
+for the interval of the result.
+
+Every episode is a row of one file, so that a run goes on where it was left.
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from repro.baselines.registry import climb
 from repro.maps.grid import Grid
+from repro.metrics.bootstrap import draw_weights
 from repro.navigation.courses import Course, sample_course
 from repro.navigation.episodes import Fleet
 from repro.navigation.mappers import Mapper
@@ -24,24 +30,86 @@ from repro.system.files import read_mapping, write_json, write_text
 from repro.system.progress import progress
 from repro.worlds.spec import WorldSpec
 
-WEIGHTS = (5.0, 20.0, 80.0)
-THRESHOLDS = (0.1, 0.2, 0.35, 0.5, 0.65)
+INFLATIONS_M = (0.8, 1.6, 2.4, 3.2, 4.0, 4.8, 5.6)
+WEIGHTS = (1.0, 3.0, 10.0, 30.0, 100.0)
+LOOKS = {"look": (0.1, 0.3, 1.0, 3.0, 10.0), "unseen_s": (1.0, 3.0)}
+SMOOTHED = ("inflation_m", "weight", "look", "age_s", "forgetting")  # settings whose neighbors are alike
+REACH, ALIKE = 2.0, 0.5  # of a neighbor, in steps of the grid; correlation of settings that differ in another axis
+SPREAD = 0.05  # of the scores of settings
+TRIES = 2  # settings of each validation course
+OFTEN, MOST = 0.05, 2  # share of the resamples in which a setting is chosen that is tested, and number of these
+SHARED = 100  # test courses per experiment on which they are driven
 BATCH = 150  # courses that are driven at the same time
 FIRST = {"validation": 0, "test": 10_000}  # number of the first course of a split
-TEST, CURVE, TRIED, ORIGIN = "test.csv", "curve.csv", "tried.csv", "provenance.json"  # files of a mapper
+EPISODES, ORIGIN = "episodes.csv", "provenance.json"  # files of a mapper
+INDEX = ["split", "experiment", "seed", "settings"]  # columns that name an episode
 COURSES = "courses.json"  # what the episodes of a mapper are of
 SPL_SHARE = 0.1  # of the length of the path in what is tuned; the rest is the success
 
 Settings = dict[str, Any]
+Wanted = tuple[str, str, int, str]  # split, experiment, number of the course, label of the settings
 
 
 @dataclass(frozen=True)
 class Seeds:
-    """Number of courses per experiment, for the choice of the settings, for the test, and for each inflation."""
+    """Number of courses per experiment, for the choice of the settings and for the test."""
 
     validation: int
     test: int
-    curve: int
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The scores of S settings on C validation courses.
+
+    Args:
+        labels: of the settings, (S,).
+        means: mean scores of the courses, (C,).
+        deviations: scores less these, 0 where a course was not driven, (C, S).
+        driven: whether it was, (C, S).
+        kernel: correlations of the scores of settings, (S, S).
+    """
+
+    labels: Sequence[str]
+    means: np.ndarray
+    deviations: np.ndarray
+    driven: np.ndarray
+    kernel: np.ndarray
+
+    @classmethod
+    def of(cls, validation: pd.DataFrame) -> "Surface":
+        """Gather the episodes on validation courses."""
+        score = (validation["outcome"] == "goal") + SPL_SHARE * spl(validation)
+        table = validation.assign(score=score).pivot(index=["experiment", "seed"], columns="settings", values="score")
+        means = table.mean(axis=1)
+        table = table.sub(means, axis=0)
+        labels = list(map(str, table))
+        axes = pd.DataFrame(map(settings_of, labels))
+        ranks = axes.rank(method="dense").fillna(0).to_numpy()
+        apart = ranks[:, None] - ranks
+        smooth = axes.columns.isin(SMOOTHED)
+        near = np.exp(-np.square(apart[..., smooth] / REACH).sum(-1) / 2)
+        kernel = near * ALIKE ** (apart[..., ~smooth] != 0).sum(-1)
+        return cls(labels, means.to_numpy(), table.fillna(0).to_numpy(), table.notna().to_numpy(), kernel)
+
+    def smoothed(self, weights: np.ndarray) -> np.ndarray:
+        """Return the smoothed scores of the settings, (draws, S), given the weights of the courses, (draws, C)."""
+        sums, counts = weights @ self.deviations, weights @ self.driven
+        noise = np.square(self.deviations).sum() / max(self.driven.sum() - len(self.driven), 1) + 1e-6
+        known = counts[..., None] * SPREAD**2 * self.kernel + noise * np.eye(len(self.kernel))
+        gains = np.linalg.solve(known, sums[..., None])[..., 0] @ (SPREAD**2 * self.kernel)
+        return (weights @ self.means / weights.sum(1))[:, None] + gains
+
+    @cached_property
+    def chosen(self) -> np.ndarray:
+        """The labels of the settings that are chosen with all courses, then in each resample, (draws + 1,)."""
+        return np.array(self.labels, dtype=object)[self.smoothed(draw_weights(len(self.driven))).argmax(1)]
+
+    @property
+    def tested(self) -> list[str]:
+        """The labels of the settings that are chosen often, that of all courses first."""
+        shares = pd.Series(self.chosen[1:]).value_counts(normalize=True).drop(self.chosen[0], errors="ignore")
+        return [self.chosen[0], *shares.index[shares >= OFTEN][:MOST]]
 
 
 class Trials:
@@ -53,7 +121,7 @@ class Trials:
         mapper: the mapper.
         specs: the worlds of the courses by their experiments.
         grid: grid of the maps.
-        inflations_m: candidates of the inflation [m].
+        fixed: settings that are not tuned; with some, those of `LOOKS` are, else all others.
     """
 
     def __init__(
@@ -63,16 +131,15 @@ class Trials:
         mapper: Mapper,
         specs: Mapping[str, WorldSpec],
         grid: Grid,
-        *,
-        inflations_m: Sequence[float],
+        fixed: Settings | None = None,
     ) -> None:
         self.directory, self.name, self.mapper, self.specs, self.grid = directory / name, name, mapper, specs, grid
-        self.inflations_m = tuple(inflations_m)
+        usual = {"inflation_m": INFLATIONS_M, "weight": WEIGHTS, **mapper.candidates}
+        self.axes = {name: (value,) for name, value in fixed.items()} | LOOKS if fixed else usual
         self.courses: dict[tuple[str, int], Course] = {}
-        self.driven = 0  # episodes of the present run
 
-    def run(self, seeds: Seeds, origin: Mapping[str, Any]) -> None:
-        """Tune the mapper, and drive the courses of the test with its settings and with those of every inflation.
+    def run(self, seeds: Seeds, origin: Mapping[str, Any]) -> Settings:
+        """Tune the mapper, and drive the courses of the test with the settings that are chosen; return these.
 
         Args:
             seeds: numbers of courses.
@@ -83,20 +150,17 @@ class Trials:
         """
         self.directory.mkdir(parents=True, exist_ok=True)
         self._check_courses()
-        self.driven = 0
-        tuned = self.tuned(seeds.validation)
-        test = self.episodes("test", tuned, seeds.test)
-        curve = [
-            self.episodes("test", {**tuned, "inflation_m": inflation_m}, seeds.curve)
-            for inflation_m in self.inflations_m
-        ]
-        write_text(self.directory / TEST, test.to_csv(index=False))
-        write_text(self.directory / CURVE, pd.concat(curve).to_csv(index=False))
+        labels = [label_of(dict(zip(self.axes, values, strict=True))) for values in product(*self.axes.values())]
+        self.episodes([("validation", *trial) for trial in design(labels, self.specs, seeds.validation)])
+        tested = Surface.of(self._known().query("split == 'validation'")).tested
+        for label, count in zip(tested, [seeds.test] + [min(SHARED, seeds.test)] * (len(tested) - 1), strict=True):
+            self.episodes([("test", name, number, label) for name in self.specs for number in range(count)])
         path = self.directory / ORIGIN
         steps = read_mapping(path, "the provenance of a mapper")["steps"] if path.is_file() else []
-        if self.driven or not steps:
-            steps.append({"seeds": dataclasses.asdict(seeds), "episodes": self.driven, **origin})
+        if driven := len(self._known()) - sum(step["episodes"] for step in steps):
+            steps.append({"seeds": dataclasses.asdict(seeds), "episodes": driven, **origin})
         write_json(path, {"steps": steps})
+        return settings_of(tested[0])
 
     def _check_courses(self) -> None:
         """Refuse to mix episodes, and write of what they are."""
@@ -111,64 +175,64 @@ class Trials:
             )
         write_json(path, known | present)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the settings."""
-        return ("inflation_m", "weight", "threshold", *self.mapper.candidates)
+    def _known(self) -> pd.DataFrame:
+        """Return the episodes that were driven so far."""
+        path = self.directory / EPISODES
+        return pd.read_csv(path) if path.is_file() else pd.DataFrame(columns=INDEX)
 
-    def tuned(self, count: int) -> Settings:
-        """Return the settings with the best score on the validation courses of all experiments, and write all tried."""
+    def episodes(self, wanted: Sequence[Wanted]) -> None:
+        """Drive the episodes that are missing, in batches of similar settings."""
+        rows = self._known()
+        keys = [(split, experiment, FIRST[split] + number, label) for split, experiment, number, label in wanted]
+        known = set(rows[INDEX].itertuples(index=False, name=None))
+        missing = sorted((key for key in keys if key not in known), key=lambda key: key[3])
+        for first in progress(range(0, len(missing), BATCH), f"{self.name}, {keys[0][0]}"):
+            driven = self._drive(missing[first : first + BATCH])
+            rows = pd.concat([rows, driven], ignore_index=True) if len(rows) else driven
+            write_text(self.directory / EPISODES, rows.to_csv(index=False, float_format="%.4f"))
 
-        @cache
-        def score(*values: Any) -> float:
-            settings = dict(zip(self.names, values, strict=True))
-            tried.append({**settings, "score": score_of(self.episodes("validation", settings, count))})
-            return tried[-1]["score"]
-
-        tried: list[dict[str, Any]] = []
-        candidates: list[Any] = [self.inflations_m, WEIGHTS, (None,), *self.mapper.candidates.values()]
-        found = climb(lambda values: score(*values), candidates)
-        score(*found)  # where there is no choice
-        if not self.mapper.is_binary:
-            candidates[2] = THRESHOLDS
-            start = (*found[:2], THRESHOLDS[len(THRESHOLDS) // 2], *found[3:])
-            climb(lambda values: score(*values), candidates, start)
-        write_text(self.directory / TRIED, pd.DataFrame(tried).to_csv(index=False, float_format="%.4f"))
-        best = max(tried, key=lambda settings: settings["score"])
-        return {name: best[name] for name in self.names}
-
-    def episodes(self, split: str, settings: Settings, count: int) -> pd.DataFrame:
-        """Drive the first courses of a split in every experiment, those of earlier calls excepted."""
-        label = "-".join("none" if value is None else f"{value:g}" for value in settings.values())
-        path = self.directory / f"{split}-{label}.csv"
-        parts = [pd.read_csv(path)] if path.is_file() else []
-        known = set(zip(parts[0]["experiment"], parts[0]["seed"], strict=True)) if parts else set()
-        wanted = [(experiment, FIRST[split] + number) for experiment in self.specs for number in range(count)]
-        missing = [course for course in wanted if course not in known]
-        for first in progress(range(0, len(missing), BATCH), f"{self.name}, {split} {label}"):
-            parts.append(self._drive(missing[first : first + BATCH], settings).assign(split=split))
-            write_text(path, pd.concat(parts).to_csv(index=False, float_format="%.4f"))
-        rows = pd.read_csv(path)
-        return rows[(rows["seed"] < FIRST[split] + count) & rows["experiment"].isin(self.specs)]
-
-    def _drive(self, names: list[tuple[str, int]], settings: Settings) -> pd.DataFrame:
+    def _drive(self, keys: Sequence[Wanted]) -> pd.DataFrame:
         """Drive courses of several experiments, which have the same robot."""
-        for experiment, seed in names:
+        for _, experiment, seed, _ in keys:
             if (experiment, seed) not in self.courses:
                 self.courses[experiment, seed] = sample_course(self.specs[experiment], seed)[0]
-        spec, courses = next(iter(self.specs.values())), [self.courses[name] for name in names]
-        episodes = Fleet(spec, courses, self.mapper, settings, self.grid).drive()
-        self.driven += len(episodes)
-        rows = pd.DataFrame(map(dataclasses.asdict, episodes))
-        return rows.assign(experiment=[experiment for experiment, _ in names], mapper=self.name, **settings)
+        spec, courses = next(iter(self.specs.values())), [self.courses[key[1:3]] for key in keys]
+        settings = [settings_of(label) for *_, label in keys]
+        rows = pd.DataFrame(map(dataclasses.asdict, Fleet(spec, courses, self.mapper, settings, self.grid).drive()))
+        splits, experiments, _, labels = zip(*keys, strict=True)
+        return rows.assign(split=splits, experiment=experiments, settings=labels, mapper=self.name)
+
+
+def design(labels: Sequence[str], experiments: Iterable[str], count: int) -> list[tuple[str, int, str]]:
+    """Return which settings each validation course is driven with: experiment, number of the course, settings.
+
+    All settings of an experiment have their turn before one comes again; more courses change nothing for the others.
+    """
+    found, tries = [], min(TRIES, len(labels))
+    for place, experiment in enumerate(experiments):
+        rng = np.random.default_rng(place)
+        turns: list[int] = []
+        for number in range(count):
+            own: list[int] = []
+            while len(own) < tries:
+                turns += [] if set(turns) - set(own) else rng.permutation(len(labels)).tolist()
+                own.append(next(which for which in turns if which not in own))
+                turns.remove(own[-1])
+            found += [(experiment, number, labels[which]) for which in own]
+    return found
+
+
+def label_of(settings: Settings) -> str:
+    """Return the name of settings; those that are None are left out."""
+    return " ".join(f"{name}={value:g}" for name, value in settings.items() if value is not None)
+
+
+def settings_of(label: str) -> Settings:
+    """Return the settings of a name, see `label_of`."""
+    return {name: float(value) for name, value in (word.split("=") for word in label.split())}
 
 
 def spl(episodes: pd.DataFrame) -> pd.Series:
     """Return the success weighted by path length of every episode (Anderson et al. 2018)."""
     reached = episodes["outcome"] == "goal"
     return reached * episodes["way_m"] / np.maximum(episodes["path_m"], episodes["way_m"])
-
-
-def score_of(episodes: pd.DataFrame) -> float:
-    """Return what is tuned: the share of successes, and a little of the length of the paths."""
-    return float((episodes["outcome"] == "goal").mean() + SPL_SHARE * spl(episodes).mean())

@@ -1,6 +1,7 @@
-"""The comparison of the mappers of task=navigate: tables, and the figure of success against time to goal."""
+"""The comparison of the mappers of task=navigate: tables, and the figure of the scores of the settings."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +10,9 @@ import numpy as np
 import pandas as pd
 
 from repro.metrics.bootstrap import bounds, draw_weights
-from repro.navigation.trials import CURVE, ORIGIN, TEST, TRIED, spl
+from repro.navigation.trials import EPISODES, ORIGIN, Surface, settings_of, spl
 from repro.reporting.names import predictor_title
-from repro.reporting.plots import INK, MARKERS, STYLE, columns, one_legend, save
+from repro.reporting.plots import INK, MARKERS, STYLE, one_legend, save
 from repro.system.files import read_mapping, write_json, write_text
 
 TITLES = {
@@ -25,12 +26,13 @@ TITLES = {
     "true_velocities": "True map and velocities",
 }  # networks stand before the lidar of 360 degrees
 BEST_OF = ("scan", "keep", "decay", "log_odds", "tracker")  # the classical mappers with the robot's lidar
+LOOKING = "+looks"  # after the name of a mapper whose robots have a cost of the unseen
 ALL = "all"  # experiments together
 COLORS = (*(f"C{number}" for number in range(10)), INK)
 
 
 def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
-    """Write navigation.csv, tuned settings, curve, episodes, figure and provenance of all mappers that are finished.
+    """Write navigation.csv, surfaces, episodes, figure and provenance of all mappers that are finished.
 
     Args:
         episodes: directory of the files of every mapper, see `navigation.trials`.
@@ -40,64 +42,89 @@ def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
         the rows of navigation.csv, see `compare_mappers`.
     """
     mappers = mappers_of(path.parent.name for path in episodes.glob(f"*/{ORIGIN}"))
-    test, curve, tried = (
-        pd.concat(
-            [pd.read_csv(episodes / mapper / name).assign(mapper=mapper) for mapper in mappers], ignore_index=True
-        )
-        for name in (TEST, CURVE, TRIED)
-    )
-    results, points = compare_mappers(test), points_of(curve)
-    tuned = tried.loc[tried.groupby("mapper", sort=False)["score"].idxmax()]
+    driven = pd.concat([pd.read_csv(episodes / mapper / EPISODES) for mapper in mappers], ignore_index=True)
+    results, surfaces = compare_mappers(driven), surfaces_of(driven)
     analysis.mkdir(parents=True, exist_ok=True)
-    tables = {"": results, "_tuned": tuned, "_curve": points, "_episodes": test}
-    for stem, table in tables.items():
+    for stem, table in {"": results, "_surfaces": surfaces, "_episodes": driven}.items():
         write_text(analysis / f"navigation{stem}.csv", table.to_csv(index=False, float_format="%.4g"))
     origins = {mapper: read_mapping(episodes / mapper / ORIGIN, "the provenance of a mapper") for mapper in mappers}
     write_json(analysis / "navigation.json", origins)
-    _draw(points, analysis / "navigation")
+    _draw(surfaces, analysis / "navigation")
     return results
 
 
-def compare_mappers(test: pd.DataFrame) -> pd.DataFrame:
+@dataclass(frozen=True, eq=False)
+class Fared:
+    """How the robots with one mapper fared.
+
+    Args:
+        score: the largest smoothed score of settings on the validation courses.
+        settings: of the planner and the mapper, chosen with all validation courses.
+        test: episodes with them on the test courses.
+        shifts: success with the settings of each resample of the validation courses less that with these, on the test
+            courses that were driven with both, by experiment and for all, each (draws + 1,).
+        covered: share of the resamples whose settings were driven on test courses; the others have no shift.
+    """
+
+    score: float
+    settings: str
+    test: pd.DataFrame
+    shifts: Mapping[str, np.ndarray]
+    covered: float
+
+    @classmethod
+    def of(cls, driven: pd.DataFrame) -> "Fared":
+        """Choose the settings in each resample, and gather their test results."""
+        surface = Surface.of(driven[driven["split"] == "validation"])
+        test = driven[driven["split"] == "test"].assign(success=lambda rows: (rows["outcome"] == "goal").astype(float))
+        by_course = test.pivot(index=["experiment", "seed"], columns="settings", values="success")
+        settings = surface.chosen[0]
+        shifts = {name: np.zeros(len(surface.chosen)) for name in (ALL, *test["experiment"].unique())}
+        for label in by_course.columns.drop(settings):
+            gain = (by_course[label] - by_course[settings]).dropna()
+            for name in shifts:
+                own = gain.to_numpy() if name == ALL else gain[name].to_numpy()
+                drawn = draw_weights(len(own)) @ own / len(own)
+                shifts[name] += np.where(surface.chosen == label, drawn, 0.0)
+        covered = float(np.isin(surface.chosen[1:], by_course.columns).mean())
+        score = float(surface.smoothed(np.ones((1, len(surface.driven)))).max())
+        return cls(score, settings, test[test["settings"] == settings], shifts, covered)
+
+
+def compare_mappers(driven: pd.DataFrame) -> pd.DataFrame:
     """Return one row per experiment and mapper, and one for all experiments: how the robots fared.
 
-    Intervals are over the courses. Differences are those to the classical mapper with the most successes in all
-    experiments, on the courses that both have; that of the time is over the courses where both succeed.
+    Intervals are over the test courses and the choice of the settings. Differences are those to the classical mapper
+    that is best on the validation courses, on the test courses that both have; that of the time is over the courses
+    where both succeed. `look` is the difference of a mapper with a cost of the unseen to itself without.
     """
-    test = test.assign(success=(test["outcome"] == "goal").astype(float), spl=spl, barn=barn)
-    best = best_classical(test)
+    fared = {mapper: Fared.of(own) for mapper, own in driven.groupby("mapper", sort=False)}
+    classical = [mapper for mapper in BEST_OF if mapper in fared]
+    best: str | None = max(classical, key=lambda mapper: fared[mapper].score, default=None)
+    test = pd.concat([one.test for one in fared.values()], ignore_index=True).assign(spl=spl, barn=barn)
     rows = []
     for experiment, of_experiment in [(ALL, test), *test.groupby("experiment", sort=False)]:
         by_mapper = of_experiment.pivot(index=["experiment", "seed"], columns="mapper", values=["success", "time_s"])
         success, time_s = by_mapper["success"], by_mapper["time_s"].where(by_mapper["success"] == 1)
         for mapper in mappers_of(success):
-            own = of_experiment[of_experiment["mapper"] == mapper]
-            row: dict[str, Any] = {
-                "experiment": experiment,
-                "mapper": mapper,
-                "title": title_of(mapper),
-                "episodes": len(own),
-            }
-            row |= _interval("success", "", success[mapper])
+            own, one = of_experiment[of_experiment["mapper"] == mapper], fared[mapper]
+            row: dict[str, Any] = {"experiment": experiment, "mapper": mapper, "title": title_of(mapper)}
+            row |= {"settings": one.settings, "covered": one.covered, "episodes": len(own)}
+            row |= _interval("success", "", success[mapper], one.shifts[experiment])
+            for name, other in (("difference", best), ("look", mapper.removesuffix(LOOKING))):
+                if other is not None and (name == "difference" or other != mapper):
+                    shift = one.shifts[experiment] - fared[other].shifts[experiment]
+                    row |= _interval(name, f"{name}_", success[mapper] - success[other], shift)
             if best is not None:
-                row |= _interval("difference", "difference_", success[mapper] - success[best])
                 row["time_difference_s"] = float((time_s[mapper] - time_s[best]).mean())
-            if {"scan", "truth"} <= set(success):
-                gap = success["truth"].mean() - success["scan"].mean()
-                row["share_of_gap"] = (success[mapper].mean() - success["scan"].mean()) / gap if gap else np.nan
             rows.append(row | _measures(own))
     return pd.DataFrame(rows)
 
 
-def best_classical(test: pd.DataFrame) -> str | None:
-    """Return the classical mapper of the robot's own lidar with the most successes, if there is one."""
-    classical = test[test["mapper"].isin(BEST_OF)]
-    reached = (classical["outcome"] == "goal").groupby(classical["mapper"]).mean()
-    return str(reached.idxmax()) if len(reached) else None
-
-
 def title_of(mapper: str) -> str:
     """Return the title of a mapper; that of a network is named `<model>-<encoding>`."""
+    if mapper.endswith(LOOKING):
+        return f"{title_of(mapper.removesuffix(LOOKING))}, looks"
     if mapper in TITLES:
         return TITLES[mapper]
     model, _, encoding = mapper.partition("-")
@@ -107,8 +134,13 @@ def title_of(mapper: str) -> str:
 def mappers_of(names: Iterable[str]) -> list[str]:
     """Sort mappers for tables and figures."""
     order = list(TITLES)
-    place = order.index("full_circle") - 0.5  # of the networks
-    return sorted(names, key=lambda name: (order.index(name) if name in order else place, name))
+    of_networks = order.index("full_circle") - 0.5
+
+    def place(name: str) -> tuple[float, str]:
+        base = name.removesuffix(LOOKING)
+        return (order.index(base) if base in order else of_networks, name)
+
+    return sorted(names, key=place)
 
 
 def barn(test: pd.DataFrame) -> pd.Series:
@@ -135,34 +167,39 @@ def _measures(own: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def _interval(name: str, prefix: str, values: pd.Series) -> dict[str, float]:
-    """Return the mean of values and its interval; courses that were not driven have none."""
+def _interval(name: str, prefix: str, values: pd.Series, shift: np.ndarray) -> dict[str, float]:
+    """Return the mean of values and its interval, with shifts of its draws; courses that were not driven have none."""
     known = values.dropna().to_numpy()
-    drawn = draw_weights(len(known)) @ known / len(known)
-    low, high = bounds(drawn)
+    drawn = draw_weights(len(known)) @ known / len(known) + shift
+    low, high = bounds(drawn.clip(-1 if prefix else 0, 1))
     return {name: float(drawn[0]), f"{prefix}low": float(low), f"{prefix}high": float(high)}
 
 
-def points_of(curve: pd.DataFrame) -> pd.DataFrame:
-    """Return success and mean time of the successes by experiment, mapper and inflation."""
-    reached = curve["outcome"] == "goal"
-    groups = curve.assign(success=reached, time_s=curve["time_s"].where(reached)).groupby(
-        ["experiment", "mapper", "inflation_m"], sort=False
-    )
-    return groups.agg(episodes=("seed", "size"), success=("success", "mean"), time_s=("time_s", "mean")).reset_index()
+def surfaces_of(driven: pd.DataFrame) -> pd.DataFrame:
+    """Return the smoothed scores of all settings of each mapper, less the means of the courses, see `Surface`."""
+    rows = []
+    for mapper, own in driven[driven["split"] == "validation"].groupby("mapper", sort=False):
+        surface = Surface.of(own)
+        scores, counts = surface.smoothed(np.ones((1, len(surface.driven))))[0], surface.driven.sum(0)
+        shares = [(surface.chosen[1:] == label).mean() for label in surface.labels]
+        for label, score, count, share in zip(surface.labels, scores, counts, shares, strict=True):
+            known = {"mapper": mapper, "settings": label, "episodes": count, "score": score, "chosen": share}
+            rows.append(known | settings_of(label))
+    return pd.DataFrame(rows)
 
 
-def _draw(points: pd.DataFrame, stem: Path) -> None:
-    """Draw one panel per experiment and one line per mapper over its inflations."""
+def _draw(surfaces: pd.DataFrame, stem: Path) -> None:
+    """Draw the best smoothed score over the inflation, and over the weight, one line per mapper."""
+    surfaces = surfaces[~surfaces["mapper"].str.endswith(LOOKING)]
     with plt.rc_context(STYLE):
-        figure, axes = columns(points, 1, sharey=True)
-        figure.set_size_inches(3.1 * axes.shape[1], 4.2)
-        for ax, (experiment, rows) in zip(axes[0], points.groupby("experiment", sort=False), strict=True):
-            for number, mapper in enumerate(mappers_of(points["mapper"].unique())):
-                own = rows[rows["mapper"] == mapper].sort_values("inflation_m")
+        figure, axes = plt.subplots(1, 2, figsize=(7.2, 4.0), sharey=True)
+        for ax, (name, label) in zip(axes, {"inflation_m": "inflation [m]", "weight": "weight"}.items(), strict=True):
+            for number, mapper in enumerate(mappers_of(surfaces["mapper"].unique())):
+                line = surfaces[surfaces["mapper"] == mapper].groupby(name)["score"].max()
                 look: Any = {"color": COLORS[number % len(COLORS)], "marker": MARKERS[number % 8], "ms": 4, "lw": 1}
-                ax.plot(own["time_s"], own["success"], label=title_of(mapper), **look)
-            ax.set(title=experiment, xlabel="time to the goals [s]")
-        axes[0, 0].set_ylabel("share that reaches the goals")
-        one_legend(figure, axes[0], rows=3)
+                ax.plot(line.index, line, label=title_of(mapper), **look)
+            ax.set(xlabel=label)
+        axes[1].set_xscale("log")
+        axes[0].set_ylabel("smoothed score, less the mean")
+        one_legend(figure, axes, rows=3)
         save(figure, stem)

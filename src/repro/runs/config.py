@@ -97,7 +97,7 @@ class Training:
     dice_eps: SmallPositive
     flip_augmentation: bool = False
     ema_decay: Share | None = None
-    loss: Literal["map", "shown"] = "map"
+    loss: Literal["map", "cross_entropy", "shown"] = "map"
     weights: str | None = None  # of a network of the same form, from which the training starts
 
 

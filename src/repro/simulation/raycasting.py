@@ -44,16 +44,10 @@ def scan(
     stands = (states == states[:, :1]).all((1, 2)) & (outlines.shape[1] == 1)
     for numbers, steps in ((np.flatnonzero(stands), slice(1)), (np.flatnonzero(~stands), slice(None))):
         rings = placed(outlines[numbers], states[numbers, steps])  # (R, 1 or T, V, 2)
-        reached = _cast(beams, _Rings(numbers, rings, *_circles(rings)), range_max_m)
+        reached = _cast(beams, _Rings(numbers, rings), range_max_m)
         if reached >= 0:
             raise InputError(f"obstacle {reached} reaches the robot: enlarge clear_radius_m")
     return ranges, np.isin(np.arange(len(outlines)), nearest)
-
-
-def _circles(rings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the centers of circles around rings (R, S, V, 2), (R, S, 2), and their radii [m], (R, S)."""
-    centers = (rings.min(-2) + rings.max(-2)) / 2
-    return centers, np.linalg.norm(rings - centers[..., None, :], axis=-1).max(-1) + _MARGIN
 
 
 def grazes(poses: np.ndarray, angles: np.ndarray, outlines: np.ndarray, states: np.ndarray) -> bool:
@@ -107,14 +101,10 @@ class _Rings(NamedTuple):
     Args:
         numbers: indices of their obstacles, (R,).
         outlines: the outlines [m], (R, S, V, 2), where S is T, or 1 if they stand.
-        centers: of the circles around them [m], (R, S, 2).
-        radii: of these circles [m], (R, S).
     """
 
     numbers: np.ndarray
     outlines: np.ndarray
-    centers: np.ndarray
-    radii: np.ndarray
 
 
 @compiled
@@ -124,8 +114,9 @@ def _cast(beams: _Beams, rings: _Rings, range_max_m: float) -> int:
         index = rings.numbers[place]
         for step in range(len(beams.ranges)):
             at, pose = step if rings.outlines.shape[1] > 1 else 0, beams.poses[step]
-            across, up = rings.centers[place, at, 0] - pose[0], rings.centers[place, at, 1] - pose[1]
-            radius = rings.radii[place, at]
+            if at or not step:
+                center_x, center_y, radius = _circle(rings.outlines[place, at])
+            across, up = center_x - pose[0], center_y - pose[1]
             square = across * across + up * up
             if not _may_be_hit(across, up, radius, beams.facing[step], range_max_m):
                 continue
@@ -140,6 +131,13 @@ def _cast(beams: _Beams, rings: _Rings, range_max_m: float) -> int:
                     if distance <= range_max_m and distance < beams.ranges[step, beam]:
                         beams.ranges[step, beam], beams.nearest[step, beam] = distance, index
     return -1
+
+
+@compiled
+def _circle(ring: np.ndarray) -> tuple[float, float, float]:
+    """Return the center of a circle around a ring (V, 2), x, y [m], and its radius [m]."""
+    x, y = (ring[:, 0].min() + ring[:, 0].max()) / 2, (ring[:, 1].min() + ring[:, 1].max()) / 2
+    return x, y, math.sqrt(((ring[:, 0] - x) ** 2 + (ring[:, 1] - y) ** 2).max()) + _MARGIN
 
 
 @compiled

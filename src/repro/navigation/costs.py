@@ -1,0 +1,144 @@
+"""Loops of the planner over pixels and over the points of arcs."""
+
+import numpy as np
+
+from repro.system.compiled import compiled
+
+LETHAL = 2.0  # of the risk, for the largest p that touches the robot: more than an arc can gain
+OUTSIDE = 1.0  # probability of an obstacle beyond the border
+
+
+@compiled
+def spread(maps: np.ndarray, fall: np.ndarray, inflated: np.ndarray) -> None:
+    """Spread maps (M, H, W) by the weights of the distances, (2 R + 1, 2 R + 1), into maps of zeros."""
+    size, reach = maps.shape[1], len(fall) // 2
+    for index in range(len(maps)):
+        for row in range(size):
+            filled = np.flatnonzero(maps[index, row])
+            if not len(filled):
+                continue
+            for to_row in range(max(0, row - reach), min(size, row + reach + 1)):
+                for right in range(-reach, reach + 1):
+                    weight = fall[to_row - row + reach, right + reach]
+                    if weight > 0:
+                        first, last = max(filled[0], -right), min(filled[-1], size - 1 - right)
+                        source = maps[index, row, first : last + 1]
+                        target = inflated[index, to_row, first + right : last + 1 + right]
+                        for column in range(len(source)):  # without a branch, for the vector unit
+                            target[column] = max(target[column], source[column] * weight)
+
+
+@compiled
+def flood(cost: np.ndarray, goals: np.ndarray, nearby: np.ndarray, width: float) -> np.ndarray:
+    """Compute the costs to goals with Dijkstra's algorithm and buckets (Dial 1969).
+
+    A bucket has the pixels whose costs differ by less than the shortest edge, so that their order does not matter.
+
+    Args:
+        cost: of the way through each pixel, (E, H, W).
+        goals: row and column, (E, 2).
+        nearby: least and largest column and row from below of the pixels that are needed, (E, 2, 2).
+        width: of a bucket.
+    """
+    size, beside = cost.shape[1], ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
+    to_go = np.full(cost.shape, np.inf)
+    buckets = int(1.5 * cost.max() / width) + 2  # that are in use at a time
+    newest, pixels, before = (
+        np.empty(buckets, np.int32),
+        np.empty(9 * size**2, np.int32),
+        np.empty(9 * size**2, np.int32),
+    )
+    settled = np.empty((size, size), np.bool_)
+    for robot in range(len(cost)):
+        newest[:], settled[:] = -1, False
+        (left, low), (right, high) = nearby[robot]
+        missing = (right - left + 1) * (high - low + 1)
+        row, column = goals[robot]
+        to_go[robot, row, column], newest[0], pixels[0], before[0], used, bucket = 0.0, 0, row * size + column, -1, 1, 0
+        while missing:
+            while newest[bucket % buckets] >= 0:
+                entry = newest[bucket % buckets]
+                newest[bucket % buckets] = before[entry]
+                row, column = divmod(pixels[entry], size)
+                if settled[row, column]:
+                    continue
+                settled[row, column] = True
+                missing -= left <= column <= right and low <= size - 1 - row <= high
+                own, so_far = cost[robot, row, column], to_go[robot, row, column]
+                for down, across in beside:
+                    to_row, to_column = row + down, column + across
+                    if 0 <= to_row < size and 0 <= to_column < size and not settled[to_row, to_column]:
+                        length = np.sqrt(2.0) if down and across else 1.0
+                        found = so_far + 0.5 * (own + cost[robot, to_row, to_column]) * length
+                        if found < to_go[robot, to_row, to_column]:
+                            to_go[robot, to_row, to_column] = found
+                            which = int(found / width) % buckets
+                            pixels[used], before[used], newest[which] = to_row * size + to_column, newest[which], used
+                            used += 1
+            bucket += 1
+    return to_go
+
+
+@compiled
+def roll_out(
+    to_go: np.ndarray, inflated: np.ndarray, lethal: np.ndarray, points: np.ndarray, layer: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the cost to go from the ends of arcs, and their risks, each (E, A).
+
+    Args:
+        to_go: costs to the goals, (E, H, W).
+        inflated: inflated maps, (E, K, H, W).
+        lethal: maps inflated by the robot's radius, (E, K, H, W).
+        points: x, y [px], (E, A, P, 2).
+        layer: the map of each point, (P,).
+    """
+    robots, number, steps = points.shape[:3]
+    left, risk = np.empty((2, robots, number))
+    for robot in range(robots):
+        for arc in range(number):
+            total, worst = 0.0, 0.0
+            for step in range(steps):
+                x, y = points[robot, arc, step]
+                total += _read(inflated[robot, layer[step]], x, y, OUTSIDE)
+                worst = max(worst, _read(lethal[robot, layer[step]], x, y, OUTSIDE))
+            left[robot, arc] = _read(to_go[robot], x, y, np.inf)
+            risk[robot, arc] = total / steps + LETHAL * worst
+    return left, risk
+
+
+@compiled
+def _read(image: np.ndarray, x: float, y: float, outside: float) -> float:
+    """Interpolate a map (H, W) at a point [px], with a value for one outside."""
+    size = len(image)
+    if not (0 <= x < size and 0 <= y < size):
+        return outside
+    column, row = min(max(x - 0.5, 0.0), size - 1.001), min(max(size - y - 0.5, 0.0), size - 1.001)
+    left, top = int(column), int(row)
+    right, below = column - left, row - top
+    upper = image[top, left] * (1 - right) + image[top, left + 1] * right
+    lower = image[top + 1, left] * (1 - right) + image[top + 1, left + 1] * right
+    return upper * (1 - below) + lower * below
+
+
+@compiled
+def unseen(
+    age_s: np.ndarray, expected: np.ndarray, start: np.ndarray, points: np.ndarray, oldest_s: np.ndarray
+) -> np.ndarray:
+    """Return the obstacles that arcs meet unseen, a mean over their points, (E, A).
+
+    Args:
+        age_s: time since a beam passed over each pixel [s], (E, H, W).
+        expected: obstacles that are expected in each pixel if it is unseen, (E, H, W).
+        start: x, y of the robots [px], (E, 2), whose own pixel does not count.
+        points: x, y [px], (E, A, P, 2).
+        oldest_s: age up to which the pixel of each point is seen [s], (P,).
+    """
+    robots, number, steps = points.shape[:3]
+    size, found = age_s.shape[1], np.zeros((robots, number))
+    for robot, arc, step in np.ndindex((robots, number, steps)):
+        x, y = points[robot, arc, step]
+        is_own = int(x) == int(start[robot, 0]) and int(y) == int(start[robot, 1])
+        if 0 <= x < size and 0 <= y < size and not is_own:
+            pixel = robot, size - 1 - int(y), int(x)
+            found[robot, arc] += expected[pixel] / steps if age_s[pixel] > oldest_s[step] else 0.0
+    return found
