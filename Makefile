@@ -22,7 +22,7 @@ SHELL := bash
 .PHONY: help setup reproduce analysis navigation test test-fast test-slurm test-ros2 stress check verify bench demo docs clean
 
 help: ## list the targets
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
+	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## /  make \1\t/' | expand -t 20
 
 setup: .venv/ready ## create .venv and install the pinned packages of the study and its tests
 

@@ -168,7 +168,7 @@ def caption(results: pd.DataFrame) -> str:
     epochs = " to ".join(f"{count:.0f}" for count in sorted({networks["epochs"].min(), networks["epochs"].max()}))
     text = (
         f"Scale {first['scale']}: {first['size_px']} x {first['size_px']} px, {int(first['train_pairs'])} training and "
-        f"{int(first['test_pairs'])} test pairs per experiment, {epochs} epochs, "
+        f"{int(first['test_pairs'])} test pairs per experiment, {epochs} {'epoch' if epochs == '1' else 'epochs'}, "
         f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}{uneven}."
     )
     is_other = networks.get("papers_worlds", pd.Series(True, networks.index)).eq(False)  # older results lack it
