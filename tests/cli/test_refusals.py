@@ -70,7 +70,7 @@ CALLS = {
     "task=demo seed=1": "seed=1: has no effect with task=demo, demo.networks chooses the network",
     "task=world prediction.fov_deg=60": "prediction.fov_deg=60: is for task=adapt, navigate, predict only",
     "task=world publish.force=true": "publish.force=true: is for task=export, publish only",
-    "task=navigate world=navigation navigation.looks=often": "must be a valid bool",
+    "task=navigate world=navigation navigation.inflations_m=[2.0]": "navigation.inflations_m",
     "task=navigate world=navigation navigation.experiments=[walls]": "walls is none of static, slow",
     # predictions
     "task=predict scans=README.md prediction.center=here": "prediction.center=here: must be robot, start, or [x,y]",

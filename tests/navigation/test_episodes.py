@@ -219,21 +219,6 @@ def test_a_map_of_the_future_counts_when_the_robot_is_there():
     assert planner().plan(later, pose, goal)[0, 0] < speed_now
 
 
-def test_a_robot_looks_before_it_turns():
-    pose, goal, free = np.array([[25.0, 25.0, 0.0]]), np.array([[25.0, 45.0]]), np.zeros((1, 1, 64, 64))
-    age_s, ones = np.full((1, 64, 64), 2.0), np.ones((1, 64, 64))
-    own = planner(look=10.0, unseen_s=1.0)
-    assert own.plan(free, pose, goal)[0, 0] > 0
-    speed, turn = own.plan(free, pose, goal, age_s, ones)[0]
-    assert speed <= 0.5, "it stays in its pixel"
-    assert turn > 0.5
-    assert own.plan(free, pose, goal, age_s, 0 * ones)[0, 0] > 0, "nothing is expected"
-    fast = (own.commands == [2.0, 0.0]).all(1)
-    for unseen_s, share in ((1.0, 0.9), (3.0, 0.5), (5.0, 0.0)):  # the robot leaves its pixel after 0.4 s
-        cost = planner(look=10.0, unseen_s=unseen_s).costs(free, pose, goal, age_s, ones)
-        assert (cost - own.costs(free, pose, goal))[0, fast] == pytest.approx(share * 10 * 4)
-
-
 def test_robots_reach_goals_collide_and_wait():
     wall = [(25.0, y, 0.0, 0.0) for y in np.arange(0.0, 51.0, 1.5)]
     free, blocked, hit = drive(course(), course(*wall), course((10.0, 35.0, 0.0, -1.5)), inflation_m=0.8, weight=80.0)

@@ -34,7 +34,6 @@ def one_candidate(monkeypatch):
     monkeypatch.chdir(ROOT)
     monkeypatch.setattr(trials, "INFLATIONS_M", (1.6,))
     monkeypatch.setattr(trials, "WEIGHTS", (20.0,))
-    monkeypatch.setattr(trials, "LOOKS", {"look": (3.0,), "unseen_s": (1.0,)})
 
 
 def navigate(outputs, mapper, *arguments) -> None:
@@ -42,13 +41,13 @@ def navigate(outputs, mapper, *arguments) -> None:
 
 
 def test_arms_are_driven_and_compared(outputs):
-    navigate(outputs, "keep", "navigation.looks=true")
+    navigate(outputs, "keep")
     navigate(outputs, "network", f"prediction.weights={outputs}/runs/expmixed/unet/projection/seed0")
     rows = pd.read_csv(outputs / "analysis" / "navigation.csv")
-    assert list(rows["mapper"]) == ["keep", "keep+looks", "unet-projection"] * 2
-    assert list(rows["episodes"]) == [2] * 6
-    assert list(rows["settings"][:2]) == ["inflation_m=1.6 weight=20", "inflation_m=1.6 weight=20 look=3 unseen_s=1"]
-    assert rows.loc[2, "settings"].startswith("inflation_m=1.6 weight=20")
+    assert list(rows["mapper"]) == ["keep", "unet-projection"] * 2
+    assert list(rows["episodes"]) == [2] * 4
+    assert rows.loc[0, "settings"] == "inflation_m=1.6 weight=20"
+    assert rows.loc[1, "settings"].startswith("inflation_m=1.6 weight=20")
     assert (outputs / "analysis" / "navigation.png").is_file()
     assert (outputs / "analysis" / "navigation.json").is_file()
 

@@ -122,7 +122,6 @@ class Navigation:
     experiments: Annotated[list[Name], Field(min_length=1)]
     validation_seeds: SeedCount
     test_seeds: SeedCount
-    looks: bool
 
 
 @dataclass(frozen=True)

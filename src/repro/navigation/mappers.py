@@ -96,14 +96,12 @@ class Mapper:
     Args:
         maps: the function, with those settings of `candidates` as keywords that are not the planner's.
         candidates: the values of further settings that are tuned, of the function or of the planner.
-        has_prior: whether its maps tell how probable obstacles are where nothing was seen.
         lidar: its field of view: `robot`, that of the world; `circle`, 360 degrees; `none`, which needs no scans.
         weights: checksum of the weights of its network; empty without one.
     """
 
     maps: Callable[..., np.ndarray]
     candidates: Mapping[str, Sequence[float | None]] = field(default_factory=dict)
-    has_prior: bool = False
     lidar: Literal["robot", "circle", "none"] = "robot"
     weights: str = ""
 
@@ -165,7 +163,7 @@ CLASSICAL = {
     "scan": Mapper(partial(_hits, age_s=0.0)),
     "keep": Mapper(partial(_hits, age_s=1000.0)),
     "decay": Mapper(_hits, {"age_s": AGES_S}),
-    "log_odds": Mapper(_log_odds, {"forgetting": (0.005, 0.02, 0.05, 0.15)}, has_prior=True),
+    "log_odds": Mapper(_log_odds, {"forgetting": (0.005, 0.02, 0.05, 0.15)}),
     "full_circle": Mapper(_hits, {"age_s": (3.0, 10.0, 1000.0)}, lidar="circle"),
     "truth": Mapper(partial(_truth, ahead_s=AHEAD_S[:1]), lidar="none"),
     "true_velocities": Mapper(partial(_truth, ahead_s=AHEAD_S), lidar="none"),
@@ -174,7 +172,7 @@ CLASSICAL = {
 
 def network_mapper(predictor: Predictor, *, weights: str = "") -> Mapper:
     """Return the mapper of a trained network."""
-    return Mapper(partial(_network, predictor), {"threshold": THRESHOLDS}, has_prior=True, weights=weights)
+    return Mapper(partial(_network, predictor), {"threshold": THRESHOLDS}, weights=weights)
 
 
 def tracker_mapper(settings: Mapping[str, float]) -> Mapper:

@@ -5,7 +5,7 @@ algorithm gives the cost from the pixels around the robot to the goal. Of the ar
 seconds, as in the dynamic window approach (Fox, Burgard and Thrun 1997), the robot takes the one with the least sum of
 the cost from its end to the goal, of a risk times the weight times the longest way, and, if it drives backward, of the
 longest way. The risk is the mean of the inflated p along the arc and `costs.LETHAL` times the largest p within the
-robot's radius. With `Settings.look`, obstacles that are expected unseen on the arc cost, too.
+robot's radius.
 """
 
 import itertools
@@ -15,7 +15,7 @@ import numpy as np
 
 from repro.maps.grid import Grid
 from repro.maps.outlines import placed
-from repro.navigation.costs import flood, roll_out, spread, unseen
+from repro.navigation.costs import flood, roll_out, spread
 
 HORIZON_S = 2.0  # of an arc
 LAYER_S = 0.5  # from one map of the future to the next
@@ -32,16 +32,11 @@ class Settings:
         inflation_m: radius by which obstacles grow [m].
         weight: cost of a meter in an obstacle, in meters.
         threshold: probability above which a pixel is an obstacle; None takes the probabilities as they are.
-        look: cost of a meter of an arc where an obstacle is expected unseen, in meters, so that a robot may turn its
-            lidar before its path.
-        unseen_s: age of the last look at a pixel from which on it is unseen when the arc enters it [s].
     """
 
     inflation_m: float
     weight: float
     threshold: float | None = None
-    look: float = 0.0
-    unseen_s: float = 0.0
 
 
 class Planner:
@@ -67,42 +62,29 @@ class Planner:
         fall = (settings.inflation_m - away) / max(settings.inflation_m - core, 1e-9)  # less than 0 spreads nothing
         self.fall, self.core = np.where(away <= core, 1, fall), np.where(away <= core, 1.0, 0.0)
 
-    def plan(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray, *look: np.ndarray) -> np.ndarray:
+    def plan(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray) -> np.ndarray:
         """Choose the commands of E robots.
 
         Args:
             occupied: probability of an obstacle now and every `LAYER_S` later, K maps, (E, K, H, W).
             poses: x, y [m], heading [rad], (E, 3).
             goals: x, y [m], (E, 2).
-            look: with `Settings.look`, time since a beam passed over each pixel [s], and obstacles that are expected
-                in it if it is unseen, each (E, H, W).
 
         Returns:
             speed [m/s] and rate of turn [rad/s], (E, 2).
         """
-        return self.commands[self.costs(occupied, poses, goals, *look).argmin(1)]
+        return self.commands[self.costs(occupied, poses, goals).argmin(1)]
 
-    def costs(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray, *look: np.ndarray) -> np.ndarray:
+    def costs(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray) -> np.ndarray:
         """Return the cost of every arc of E robots, (E, A), see `plan`; infinite where it ends off the map."""
         if self.settings.threshold is not None:
             occupied = (occupied > self.settings.threshold).astype(np.float32)
         inflated, lethal = self.inflate(occupied, self.fall), self.inflate(occupied, self.core)
         points = placed(self.arcs, poses[:, None]) / self.grid.resolution_m  # (E, A, P, 2)
         layer = np.minimum(TIMES_S // LAYER_S, occupied.shape[1] - 1).astype(int)
-        cost = self.longest_m * (self.commands[:, 0] < 0) + np.zeros(points.shape[:2])
-        if look:
-            age_s, expected = look
-            start, headings = (
-                poses[:, None, :2] / self.grid.resolution_m,
-                poses[:, 2:] + HORIZON_S * self.commands[:, 1],
-            )
-            hidden = unseen(age_s, expected, start[:, 0], points, self.settings.unseen_s - TIMES_S)
-            cost += self.settings.look * self.longest_m * hidden
-            still = self.commands[:, 0] == 0  # on the spot, what counts is the cost from the pixel that the robot faces
-            points[:, still, -1] = start + np.stack([np.cos(headings), np.sin(headings)], axis=-1)[:, still]
         to_go = self.costs_to_go(inflated[:, 0], goals, points[:, :, -1])
         left, risk = roll_out(to_go, inflated, lethal, points, layer)
-        return left + self.settings.weight * self.longest_m * risk + cost
+        return left + self.settings.weight * self.longest_m * risk + self.longest_m * (self.commands[:, 0] < 0)
 
     def inflate(self, occupied: np.ndarray, fall: np.ndarray) -> np.ndarray:
         """Return the largest product of p and the weight of its distance around each pixel, (..., H, W)."""

@@ -32,8 +32,7 @@ from repro.worlds.spec import WorldSpec
 
 INFLATIONS_M = (0.8, 1.6, 2.4, 3.2, 4.0, 4.8, 5.6)
 WEIGHTS = (1.0, 3.0, 10.0, 30.0, 100.0)
-LOOKS = {"look": (0.1, 0.3, 1.0, 3.0, 10.0), "unseen_s": (1.0, 3.0)}
-SMOOTHED = ("inflation_m", "weight", "look", "age_s", "forgetting")  # settings whose neighbors are alike
+SMOOTHED = ("inflation_m", "weight", "age_s", "forgetting")  # settings whose neighbors are alike
 REACH, ALIKE = 2.0, 0.5  # of a neighbor, in steps of the grid; correlation of settings that differ in another axis
 SPREAD = 0.05  # of the scores of settings
 TRIES = 2  # settings of each validation course
@@ -121,21 +120,11 @@ class Trials:
         mapper: the mapper.
         specs: the worlds of the courses by their experiments.
         grid: grid of the maps.
-        fixed: settings that are not tuned; with some, those of `LOOKS` are, else all others.
     """
 
-    def __init__(
-        self,
-        directory: Path,
-        name: str,
-        mapper: Mapper,
-        specs: Mapping[str, WorldSpec],
-        grid: Grid,
-        fixed: Settings | None = None,
-    ) -> None:
+    def __init__(self, directory: Path, name: str, mapper: Mapper, specs: Mapping[str, WorldSpec], grid: Grid) -> None:
         self.directory, self.name, self.mapper, self.specs, self.grid = directory / name, name, mapper, specs, grid
-        usual = {"inflation_m": INFLATIONS_M, "weight": WEIGHTS, **mapper.candidates}
-        self.axes = {name: (value,) for name, value in fixed.items()} | LOOKS if fixed else usual
+        self.axes = {"inflation_m": INFLATIONS_M, "weight": WEIGHTS, **mapper.candidates}
         self.courses: dict[tuple[str, int], Course] = {}
 
     def run(self, seeds: Seeds, origin: Mapping[str, Any]) -> Settings:

@@ -26,7 +26,6 @@ TITLES = {
     "true_velocities": "True map and velocities",
 }  # networks stand before the lidar of 360 degrees
 BEST_OF = ("scan", "keep", "decay", "log_odds", "tracker")  # the classical mappers with the robot's lidar
-LOOKING = "+looks"  # after the name of a mapper whose robots have a cost of the unseen
 ALL = "all"  # experiments together
 COLORS = (*(f"C{number}" for number in range(10)), INK)
 
@@ -96,8 +95,7 @@ def compare_mappers(driven: pd.DataFrame) -> pd.DataFrame:
 
     Intervals are over the test courses and the choice of the settings. Differences are those to the classical mapper
     that is best on the validation courses, on the test courses that both have; that of the time is over the courses
-    where both succeed; those that are `fixed` have no choice in them. `look` is the difference of a mapper with a cost
-    of the unseen to itself without.
+    where both succeed; those that are `fixed` have no choice in them.
     """
     fared = {mapper: Fared.of(own) for mapper, own in driven.groupby("mapper", sort=False)}
     classical = [mapper for mapper in BEST_OF if mapper in fared]
@@ -112,12 +110,10 @@ def compare_mappers(driven: pd.DataFrame) -> pd.DataFrame:
             row: dict[str, Any] = {"experiment": experiment, "mapper": mapper, "title": title_of(mapper)}
             row |= {"settings": one.settings, "covered": one.covered, "episodes": len(own)}
             row |= _interval("success", "", success[mapper], one.shifts[experiment])
-            for name, other in (("difference", best), ("look", mapper.removesuffix(LOOKING))):
-                if other is not None and (name == "difference" or other != mapper):
-                    shift = one.shifts[experiment] - fared[other].shifts[experiment]
-                    gain = success[mapper] - success[other]
-                    row |= _interval(name, f"{name}_fixed_", gain, 0 * shift) | _interval(name, f"{name}_", gain, shift)
             if best is not None:
+                gain, shift = success[mapper] - success[best], one.shifts[experiment] - fared[best].shifts[experiment]
+                row |= _interval("difference", "difference_fixed_", gain, 0 * shift)
+                row |= _interval("difference", "difference_", gain, shift)
                 row["time_difference_s"] = float((time_s[mapper] - time_s[best]).mean())
             rows.append(row | _measures(own))
     return pd.DataFrame(rows)
@@ -125,8 +121,6 @@ def compare_mappers(driven: pd.DataFrame) -> pd.DataFrame:
 
 def title_of(mapper: str) -> str:
     """Return the title of a mapper; that of a network is named `<model>-<encoding>`."""
-    if mapper.endswith(LOOKING):
-        return f"{title_of(mapper.removesuffix(LOOKING))}, looks"
     if mapper in TITLES:
         return TITLES[mapper]
     model, _, encoding = mapper.partition("-")
@@ -136,13 +130,8 @@ def title_of(mapper: str) -> str:
 def mappers_of(names: Iterable[str]) -> list[str]:
     """Sort mappers for tables and figures."""
     order = list(TITLES)
-    of_networks = order.index("full_circle") - 0.5
-
-    def place(name: str) -> tuple[float, str]:
-        base = name.removesuffix(LOOKING)
-        return (order.index(base) if base in order else of_networks, name)
-
-    return sorted(names, key=place)
+    place = order.index("full_circle") - 0.5  # of the networks
+    return sorted(names, key=lambda name: (order.index(name) if name in order else place, name))
 
 
 def barn(test: pd.DataFrame) -> pd.Series:
@@ -192,7 +181,6 @@ def surfaces_of(driven: pd.DataFrame) -> pd.DataFrame:
 
 def _draw(surfaces: pd.DataFrame, stem: Path) -> None:
     """Draw the best smoothed score over the inflation, and over the weight, one line per mapper."""
-    surfaces = surfaces[~surfaces["mapper"].str.endswith(LOOKING)]
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(1, 2, figsize=(7.2, 4.0), sharey=True)
         for ax, (name, label) in zip(axes, {"inflation_m": "inflation [m]", "weight": "weight"}.items(), strict=True):

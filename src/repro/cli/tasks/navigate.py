@@ -25,7 +25,7 @@ def run(job: Job) -> None:
     print(f"loading what drives a robot by the maps of {job.call.navigation.mapper}", flush=True)
     from repro.navigation.trials import Seeds, Trials
     from repro.recordings.datasets import grid_of
-    from repro.reporting.navigation_tables import LOOKING, write_results
+    from repro.reporting.navigation_tables import write_results
     from repro.runs.devices import few_threads
     from repro.runs.provenance import environment
 
@@ -35,9 +35,7 @@ def run(job: Job) -> None:
     grid = grid_of(job.config)
     name, mapper = _mapper(job, grid, settings.mapper)
     with few_threads():
-        found = Trials(directory, name, mapper, specs, grid).run(seeds, environment())
-        if settings.looks:
-            Trials(directory, f"{name}{LOOKING}", mapper, specs, grid, found).run(seeds, environment())
+        Trials(directory, name, mapper, specs, grid).run(seeds, environment())
     for row in write_results(directory, job.outputs.analysis).itertuples():
         print(f"{row.experiment:8} {row.title:40} success {row.success:.3f} [{row.low:.3f}, {row.high:.3f}]")
 
