@@ -93,6 +93,14 @@ def test_dilation_draws_discs():
     assert np.argwhere(disc < 1).mean(0).tolist() == [4, 4]
 
 
+def test_the_radius_of_a_grid_is_in_meters():
+    fine = replace(one_recording(disc_ranges(15.0)[None]), grid=Grid(100, 50.0))
+    occupied = np.zeros((1, 100, 100))
+    occupied[0, 40, 60] = 0.7
+    predict = registry._dilated(lambda *_: occupied, "forgetting", fine)
+    assert np.array_equal(predict(radius_m=2.0, forgetting=0.0), dilate(occupied, 4))
+
+
 def test_space_stays_free_for_as_long_as_is_best_on_the_validation_set():
     wall = disc_ranges(15.0)
     recorded = one_recording(np.stack([np.full_like(wall, np.inf)] * 3 + [wall] * 7))
@@ -195,6 +203,23 @@ def test_a_moving_disc_is_fitted_and_coasts():
     assert nearest[24, 20] == pytest.approx(np.hypot(0.4, 0.5) - 2, abs=0.2)  # its center is (20.5, 25.5)
     coasted = tracker.distances([found], GRID, 1.0)  # for one second, not for two
     assert coasted[24, 19] == pytest.approx(np.hypot(0.4, 0.5) - 2, abs=0.2)
+
+
+def moving_disc(x: float, speed_m_s: float, age_s: float = 0.0) -> tracker.Track:
+    return tracker.Track(np.array([x, 25.0, speed_m_s, 0.0, 2.0, 0.0, 0.0]), True, 0.0, age_s)
+
+
+@pytest.mark.parametrize(("ahead_s", "x"), [(0.0, 20.0), (0.5, 20.5), (3.0, 21.0)])
+def test_a_track_moves_ahead_until_it_has_coasted(ahead_s, x):
+    found = tracker.distances([moving_disc(20.0, 1.0, age_s=1.0)], GRID, 2.0, ahead_s)
+    assert np.array_equal(found, tracker.distances([moving_disc(x, 0.0)], GRID, 2.0))
+
+
+@pytest.mark.parametrize(("x", "is_near"), [(20.0, False), (15.0, False), (10.0, True)])
+def test_tracks_are_near_if_they_meet_halfway_between_their_hits(x, is_near):
+    """The first one, at 20 m now, was at 10 m ten seconds ago."""
+    early, late = (tracker.Cluster(np.array([[0.0, 0.0, time, 1.0, 0.0]]), np.zeros((0, 6))) for time in (-12.0, -8.0))
+    assert tracker._is_near(early, moving_disc(20.0, 1.0), late, moving_disc(x, 0.0)) == is_near
 
 
 def rectangle_ranges(x, length, width, heading):

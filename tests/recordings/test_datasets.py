@@ -1,14 +1,17 @@
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
 import pytest
 import torch
-from conftest import world_spec
+from conftest import run_config, world_spec
 
 from repro.maps.encodings import create_encoding, to_input
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
-from repro.recordings.datasets import Batches, Pairs, load_pairs
+from repro.maps.statistics import summarize
+from repro.recordings.datasets import HIDDEN, Batches, Pairs, load_pairs, training_statistics
+from repro.recordings.format import ShardContent
 from repro.recordings.reader import open_recordings
 from repro.scans import Scans
 from repro.simulation.raycasting import scan
@@ -46,6 +49,12 @@ def test_other_images_than_an_encoding_promises_are_refused(recorded, drawn, bit
     Own.bits = bits
     with pytest.raises(ValueError, match=f"the encoding projection {message}"):
         load_pairs(open_recordings(recorded), "train", Grid(64, 50.0), Own())
+
+
+def test_the_statistics_of_a_training_are_those_of_its_scans(recorded):
+    recordings = open_recordings(recorded)
+    scans = (shard.scans.batched() for shard in recordings.shards("train"))
+    assert training_statistics(recordings, run_config()) == summarize(scans, Grid(32, 50.0))
 
 
 def test_newest_hits_are_on_the_border_of_an_obstacle(recorded):
@@ -101,6 +110,24 @@ def test_flip_augmentation_flips_image_and_map_together(recorded):
     assert 4 < flipped < 20  # of 24
     again = list(Batches(pairs, 8, seed=3, flip_augmentation=True))
     assert all(torch.equal(a[0], b[0]) for a, b in zip(mirrored, again, strict=True))
+
+
+def test_half_of_the_pairs_are_flipped():
+    image = torch.tensor([0, 255], dtype=torch.uint8).view(1, 1, 2, 1).expand(2000, -1, -1, -1)
+    ((_, target),) = Batches(Pairs(image, image, Projection()), 2000, seed=0, flip_augmentation=True)
+    assert (target[:, 0, 0] > 0).float().mean().item() == pytest.approx(0.5, abs=0.05)
+
+
+def test_pixels_that_standing_obstacles_hide_at_the_last_step_are_marked():
+    """A wall from the lower to the upper border; the robot has passed from its left side to its right side."""
+    wall, poses = np.array([[-2, -25], [2, -25], [2, 25], [-2, 25.0]]), np.array([[5, 25, 0], [45, 25, 0.0]])
+    scans = Scans(np.full((2, 2, 3), np.inf), np.linspace(-0.5, 0.5, 3), np.stack([poses, poses]))
+    states = np.tile([25.0, 25.0, 0.0], (1, 2, 1))
+    shard = ShardContent(scans, wall[None], states, np.zeros(1, int), np.ones((2, 1), bool))
+    recordings = SimpleNamespace(shards=lambda *_: [shard], manifest=SimpleNamespace(pairs={"train": 2}))
+    maps = load_pairs(recordings, "train", Grid(50, 50.0), Projection(), marks_hidden=True).maps
+    assert (maps[..., :22] == 1 + HIDDEN).all()
+    assert (maps[..., 28:] == 1).all()
 
 
 @pytest.mark.parametrize("experiment", ["3", "4"])

@@ -2,7 +2,7 @@ import pytest
 from conftest import prepared, run_config
 
 from repro.runs.directories import Run
-from repro.runs.outputs import Outputs
+from repro.runs.outputs import Outputs, check_together
 from repro.runs.provenance import Status
 
 
@@ -19,6 +19,13 @@ def test_another_configuration_is_refused_naming_the_difference(tmp_path):
     with pytest.raises(ValueError, match=r"data\.size_px is 32, requested 64; train\.patience is 5, requested 3"):
         run.prepare(run_config(size_px=64, patience=3))
     assert run.config() == run_config()
+
+
+def test_runs_of_one_experiment_are_of_the_same_worlds(tmp_path):
+    others = {Run(tmp_path): run_config(worlds="others")}
+    check_together(run_config(experiment="4"), others)
+    with pytest.raises(ValueError, match=r"has other data .*worlds: the file of conf/world is another"):
+        check_together(run_config(model="fpn"), others)
 
 
 def test_another_directory_is_not_read_as_a_run(tmp_path):

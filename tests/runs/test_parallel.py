@@ -76,6 +76,12 @@ def test_a_single_training_uses_several_threads_on_idle_cores_only(idle, logged,
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
 
 
+@pytest.mark.parametrize(("used_percent", "idle"), [(20.0, True), (30.0, False), (60.0, False)])
+def test_cores_are_idle_if_three_quarters_of_their_time_are_free(used_percent, idle, monkeypatch):
+    monkeypatch.setattr(psutil, "cpu_percent", lambda _: used_percent)
+    assert parallel.cores_are_idle() == idle
+
+
 def test_threads_that_the_user_has_set_are_kept(monkeypatch, caplog):
     caplog.set_level("INFO")
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
