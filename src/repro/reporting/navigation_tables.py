@@ -96,7 +96,8 @@ def compare_mappers(driven: pd.DataFrame) -> pd.DataFrame:
 
     Intervals are over the test courses and the choice of the settings. Differences are those to the classical mapper
     that is best on the validation courses, on the test courses that both have; that of the time is over the courses
-    where both succeed. `look` is the difference of a mapper with a cost of the unseen to itself without.
+    where both succeed; those that are `fixed` have no choice in them. `look` is the difference of a mapper with a cost
+    of the unseen to itself without.
     """
     fared = {mapper: Fared.of(own) for mapper, own in driven.groupby("mapper", sort=False)}
     classical = [mapper for mapper in BEST_OF if mapper in fared]
@@ -114,7 +115,8 @@ def compare_mappers(driven: pd.DataFrame) -> pd.DataFrame:
             for name, other in (("difference", best), ("look", mapper.removesuffix(LOOKING))):
                 if other is not None and (name == "difference" or other != mapper):
                     shift = one.shifts[experiment] - fared[other].shifts[experiment]
-                    row |= _interval(name, f"{name}_", success[mapper] - success[other], shift)
+                    gain = success[mapper] - success[other]
+                    row |= _interval(name, f"{name}_fixed_", gain, 0 * shift) | _interval(name, f"{name}_", gain, shift)
             if best is not None:
                 row["time_difference_s"] = float((time_s[mapper] - time_s[best]).mean())
             rows.append(row | _measures(own))
