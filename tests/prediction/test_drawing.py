@@ -47,9 +47,9 @@ def test_a_map_is_drawn_in_one_call_where_it_lies(tmp_path):
     assert axes.images[0].get_extent() == [-3, 47, 7, 57]
     lines = {line.get_label(): np.squeeze(line.get_xydata()) for line in axes.lines}
     assert lines["newest hits"] == pytest.approx((27, 32))
-    assert lines["robot"] == pytest.approx((22, 32))
+    assert lines["robot, its heading"] == pytest.approx((22, 32))
     assert lines["hits on what moves"] == pytest.approx((-2.75, 26.75))  # the middle of the pixel
-    assert labels(figure) == ["hits on what moves", "newest hits", "robot", "no beam has been there"]
+    assert labels(figure) == ["hits on what moves", "newest hits", "robot, its heading", "no beam has been there"]
     assert figure.axes[1].get_ylabel() == "probability of free"
     figure.savefig(tmp_path / "map.png")
     nothing = replace(predicted(free), moving=np.zeros((100, 100), bool))

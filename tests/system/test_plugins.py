@@ -1,6 +1,7 @@
 import sys
 from importlib import reload
 
+import numpy as np
 import pytest
 
 from repro.evaluation import image_metrics
@@ -44,4 +45,17 @@ def test_a_metric_of_another_package_is_a_column_of_the_tables(installed, monkey
 def test_a_plugin_that_cannot_be_imported_is_named(installed):
     installed("import nothing_of_this_name", "[repro.architectures]\nbroken = other_package:Network\n")
     with pytest.raises(ValueError, match=r"broken of other-package cannot be imported \(No module"):
-        plugins("repro.architectures")
+        plugins("repro.architectures", ())
+
+
+def test_a_plugin_does_not_replace_what_is_there(installed):
+    installed(METRIC, "[repro.image_metrics]\naccuracy = other_package:share\n")
+    with pytest.raises(ValueError, match="the name accuracy of other-package is taken"):
+        plugins("repro.image_metrics", headings.METRICS)
+
+
+@pytest.mark.parametrize("value", [1.0, [0.0, np.inf], [0.0]])
+def test_a_metric_must_be_a_finite_number_for_each_image(monkeypatch, value):
+    monkeypatch.setitem(image_metrics.IMAGE_METRICS, "own", lambda *_: value)
+    with pytest.raises(ValueError, match="metric own: expected one finite number for each of 2 images"):
+        image_metrics.of_images("own", *np.ones((2, 2, 1, 4, 4)))

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from repro.baselines.registry import PREDICTORS
-from repro.evaluation.image_metrics import IMAGE_METRICS, IN_INTERVALS
+from repro.evaluation.image_metrics import IMAGE_METRICS, IN_INTERVALS, of_images
 from repro.learning.networks.trained import load_trained
 from repro.metrics.counts import counts_of, pooled_scores, quantize
 from repro.metrics.scores import checked_probabilities
@@ -97,13 +97,13 @@ def measure(free: np.ndarray, maps: np.ndarray) -> tuple[pd.Series, pd.DataFrame
     """Measure predictions (M, 1, H, W) against true maps; return the pooled metrics and one row per image.
 
     Raises:
-        InputError: see `checked_probabilities`.
+        InputError: see `checked_probabilities` and `of_images`.
     """
     probability = checked_probabilities(free, maps)
     counts = counts_of(probability, maps)
-    of_images = {name: metric(probability, maps) for name, metric in IMAGE_METRICS.items()}
-    per_image = pd.DataFrame(of_images | pooled_scores(counts))
-    means = {name: values.mean() for name, values in of_images.items()}
+    measured = {name: of_images(name, probability, maps) for name in IMAGE_METRICS}
+    per_image = pd.DataFrame(measured | pooled_scores(counts))
+    means = {name: values.mean() for name, values in measured.items()}
     return pd.Series((means | pooled_scores(counts.sum(0))), dtype=float), per_image
 
 

@@ -142,7 +142,7 @@ def _draw_robot(axes: Axes, pose: np.ndarray) -> None:
     """Draw the robot, as a dot with a line ahead."""
     ahead = pose[:2] + 0.04 * np.diff(axes.get_xlim()) * (np.cos(pose[2]), np.sin(pose[2]))
     axes.plot(*np.stack([pose[:2], ahead]).T, color=ROBOT, linewidth=1.5)
-    axes.plot(*pose[:2], "o", color=ROBOT, markersize=5, label="robot")
+    axes.plot(*pose[:2], "o", color=ROBOT, markersize=5, label="robot, its heading")
 
 
 def _show(axes: Axes, image: np.ndarray, origin: tuple[float, float], resolution_m: float) -> None:

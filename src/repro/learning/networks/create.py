@@ -17,12 +17,13 @@ from torch import Tensor, nn
 
 from repro.learning.networks.convgru import ConvGRU
 from repro.learning.networks.convlstm import ConvLSTM
-from repro.runs.model import Model
+from repro.runs.model import NETWORKS, Model
 from repro.system.errors import InputError
 from repro.system.fields import ConfigError
 from repro.system.plugins import plugins
 
-OWN_ARCHITECTURES: dict[str, Any] = {"convgru": ConvGRU, "convlstm": ConvLSTM, **plugins("repro.architectures")}
+OURS = {"convgru": ConvGRU, "convlstm": ConvLSTM}
+OWN_ARCHITECTURES: dict[str, Any] = {**OURS, **plugins("repro.architectures", (*OURS, *NETWORKS))}
 SERIES_CHANNELS = 10  # of the input with which the parameters of an own architecture are tried
 
 
@@ -123,7 +124,7 @@ def architecture_errors(model: Model) -> list[ConfigError]:
         return errors
     if model.parameters:
         known = ", ".join(OWN_ARCHITECTURES)
-        expected = f"parameters are for the architectures {known}: set model.architecture if the name is another"
+        expected = f"parameters are for the architectures {known}: set model.architecture, or install its package"
         return [ConfigError("model.parameters", model.parameters, expected)]
     smp_networks = _smp_networks()
     if architecture not in smp_networks.ARCHITECTURES:
