@@ -181,7 +181,7 @@ def test_robots_are_more_reliable_if_the_interval_of_their_gain_is_above_zero(lo
     frames = analysis("laptop")
     frames.pop("navigation", None)
     if low is not None:
-        mappers = {"mapper": ["keep", "convgru-recent10"], "difference": [0.0, 0.05]}
+        mappers = {"mapper": ["keep", "unet-projection"], "difference": [0.0, 0.05]}
         others = {"experiment": "all", "difference_low": [0, low], "difference_high": [0, 0.1 - low]}
         frames["navigation"] = pd.DataFrame({**mappers, **others})
     found = verdicts(frames, read_published(ROOT / "reproduce" / "results" / "laptop")).set_index("id")

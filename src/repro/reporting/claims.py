@@ -62,17 +62,14 @@ class Numbers:
         """Return a number of U-Net.
 
         Args:
-            of: `recency` of pixels, `obstacles` by the time since their last hit, `uncertain` predictions, or `cost`.
+            of: `recency` of pixels, `obstacles` by the time since their last hit, `uncertain` predictions, `cost`, or
+                `navigation`.
             metric: the measure, of uncertain predictions `error` or `skill`, see `metrics.calibration`.
             exp: the experiment.
             group: the recency of the pixels, or the last hit of the obstacles.
             encoding: label of its encoding.
         """
         return self.numbers[of, metric, exp, "unet", encoding, group]
-
-    def driven(self, model: str, encoding: str) -> Number:
-        """Return by how much more often robots reach their goals with a network than with the best classical map."""
-        return self.numbers["navigation", "difference", "all", model, encoding, "all"]
 
 
 class Verdict(enum.StrEnum):

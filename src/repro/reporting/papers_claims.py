@@ -183,7 +183,7 @@ CLAIMS = (
         tolerance=0.5,
     ),
     Claim("eight-variations", lambda n: n.networks, claimed=8, near=True, directed=False),
-    Claim("reliability-of-autonomous-systems", lambda n: n.driven("convgru", "recent10")),
+    Claim("reliability-of-autonomous-systems", lambda n: n.unet("navigation", "difference", "all")),
 )
 
 
