@@ -270,8 +270,8 @@ def test_a_network_is_adapted_to_logs_of_other_places_and_compared(logs, tmp_pat
     assert len(table) == 2 * 5 * 3 * (1 + 2)  # scores, maps, pixels; their mean and two logs
     key = ["score", "map", "pixels"]
     names = table["logs"].unique().tolist()
-    mean, *logs = (table[table["logs"] == log].set_index(key).sort_index() for log in names)
-    assert mean["auroc"].to_numpy() == pytest.approx(np.mean([rows["auroc"] for rows in logs], axis=0), abs=1e-4)
+    mean, *of_logs = (table[table["logs"] == log].set_index(key).sort_index() for log in names)
+    assert mean["auroc"].to_numpy() == pytest.approx(np.mean([rows["auroc"] for rows in of_logs], axis=0), abs=1e-4)
     for name in ("hits", "passed"):
         counts = mean[name].unstack()
         assert (counts["seen"] + counts["unseen"] == counts["all"]).all()

@@ -118,7 +118,7 @@ def main() -> None:
             for sweep in sweeps if set(experiments) <= set(FAMILIES[name].experiments) else ():
                 train(name, sweep)
     tables = {"statistics": pd.concat(found), "cells": trained(), "published": published()}
-    tables["families"] = screened(tables["cells"]).dropna(subset=["all"]) if len(tables["cells"]) else pd.DataFrame()
+    tables["families"] = screened(tables["cells"]).dropna(subset=["moving"]) if len(tables["cells"]) else pd.DataFrame()
     print(tables["families"].to_string(float_format="{:.3f}".format), tables["published"].to_string(), sep="\n")
     if options.publish:
         TARGET.mkdir(exist_ok=True)

@@ -141,7 +141,9 @@ def tune(
     kept = {number: since >= number for number in (round(share * steps) for share in FREE)}
 
     lengths = [len(values) for values in settings.values()]
-    tried = progress(description="tuning", total=sum(lengths) if climbs else math.prod(lengths))  # climbing: about
+    tried = progress(
+        description=f"tuning {', '.join(settings)}", total=sum(lengths) if climbs else math.prod(lengths)
+    )  # climbing: about
 
     @cache
     def score(*values: float) -> tuple[float, int]:
