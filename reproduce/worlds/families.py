@@ -93,6 +93,7 @@ def _as_polygons(population: dict[str, Any]) -> dict[str, Any]:
         while True:
             corners, irregularity, spikeyness = int(rng.integers(4, 10)), *rng.uniform(0, 1, 2)
             vertices = np.array(generate_polygon(np.zeros(2), 1.0, irregularity, spikeyness, corners))
+            vertices = vertices[np.any(vertices != np.roll(vertices, 1, axis=0), axis=1)]  # no corner twice
             outline = shapely.Polygon(vertices)
             if outline.is_valid and outline.area > 0.5:  # slivers would be many meters long
                 break

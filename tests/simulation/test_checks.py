@@ -51,6 +51,11 @@ REFUSED = {
         "does not cross or touch itself",
     ),
     "thin polygon": ({f"{FIXED}.12.shape.vertices": [[0, 0], [9, 0], [9, 1e-6]]}, "vertices", "use a linestring"),
+    "corner twice": (
+        {f"{FIXED}.12.shape.vertices": [[0, 0], [0, 0], [1, 0], [1, 1]]},
+        "fixed.12.shape.vertices",
+        "the same point twice in a row",
+    ),
     "101 corners": ({f"{FIXED}.0.shape.vertices": [[k, k] for k in range(101)]}, "vertices", "at most 100 items"),
     "point twice": ({f"{FIXED}.0.shape.vertices": [[0, 0], [0, 0]]}, "vertices", "the same point twice in a row"),
     "off the map": ({f"{FIXED}.13.state": [40, 3, 0]}, "experiments.people", "fixed obstacle 14 is outside the map"),

@@ -49,7 +49,12 @@ class Polygon(Section):
     """A polygon, convex or not."""
 
     name: Literal["polygon"]
-    vertices: Annotated[list[Point], Field(min_length=3, max_length=MAX_VERTICES), AfterValidator(_simple)]
+    vertices: Annotated[
+        list[Point],
+        Field(min_length=3, max_length=MAX_VERTICES),
+        AfterValidator(distinct),  # at a corner that is named twice, IR-SIM's lidar hits nothing that is there
+        AfterValidator(_simple),
+    ]
 
 
 class LineString(Section):
