@@ -138,12 +138,7 @@ def test_inflated_maps_fall_with_the_distance():
     assert np.array_equal(soft.inflate(occupied, soft.core), away <= core)
 
 
-def costs_to_go(own: Planner, inflated: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """Return the cost to a goal from all pixels."""
-    return own.costs_to_go(inflated[None], goal[None], np.array([[[0.0, 0.0], [64.0, 64.0]]]))[0]
-
-
-def test_the_cost_to_go_is_that_of_scipy():
+def test_the_cost_to_go_is_that_over_half_edges():
     own, inflated = planner(weight=30.0), GENERATOR.random((64, 64)).astype(np.float32) ** 8
     cost = (1 + 30.0 * inflated) * GRID.resolution_m
     pixel = np.arange(64**2).reshape(64, 64)
@@ -156,20 +151,18 @@ def test_the_cost_to_go_is_that_of_scipy():
     graph = coo_array((np.concatenate(edges), (np.concatenate(starts), np.concatenate(ends))), shape=(64**2, 64**2))
     expected = dijkstra(graph.tocsr(), directed=False, indices=pixel[63 - 32, 12]).reshape(64, 64)
     goal = np.array([10.0, 25.0])
-    assert costs_to_go(own, inflated, goal) == pytest.approx(expected, rel=1e-12)
-    nearby = own.costs_to_go(inflated[None], goal[None], np.array([[[30.0, 8.0], [33.0, 10.0]]]))[0]
-    assert np.array_equal(nearby[63 - 11 : 64 - 6, 28:35], costs_to_go(own, inflated, goal)[63 - 11 : 64 - 6, 28:35])
+    assert own.cost_to_go(inflated, goal) == pytest.approx(expected, rel=1e-12)
 
 
 def test_the_cost_to_go_is_the_way_around_a_wall():
-    free = costs_to_go(planner(), np.zeros((64, 64)), np.array([10.0, 25.0]))
+    free = planner().cost_to_go(np.zeros((64, 64)), np.array([10.0, 25.0]))
     row, column = 63 - int(25 / GRID.resolution_m), int(10 / GRID.resolution_m)
     down, right = np.abs(np.arange(64)[:, None] - row), np.abs(np.arange(64) - column)
     octile = np.maximum(down, right) + (math.sqrt(2) - 1) * np.minimum(down, right)
     assert free == pytest.approx(GRID.resolution_m * octile)
     wall = np.zeros((64, 64))
     wall[10:, 30] = 1.0
-    around = costs_to_go(planner(weight=1e6), wall, np.array([10.0, 25.0]))
+    around = planner(weight=1e6).cost_to_go(wall, np.array([10.0, 25.0]))
     assert around[row, 50] > free[row, 50] + 15
     assert around[row, 50] < 1000, "through the gap, not through the wall"
 
@@ -189,7 +182,7 @@ def test_commands_are_those_of_a_plain_rollout():
         layers = [0, 0, 1, 1, 2, 2, 2, 2, 2, 2]  # of 0.5 s, the last one from then on
         soft = np.stack([interpolated(inflated[k], points[:, n], 1.0) for n, k in enumerate(layers)])
         hard = np.stack([interpolated(touching[k], points[:, n], 1.0) for n, k in enumerate(layers)])
-        to_go = interpolated(costs_to_go(own, inflated[0], goals[robot]), points[:, -1], np.inf)
+        to_go = interpolated(own.cost_to_go(inflated[0], goals[robot]), points[:, -1], np.inf)
         cost = to_go + 5.0 * 4.0 * (soft.mean(0) + 2 * hard.max(0)) + 4.0 * (own.commands[:, 0] < 0)
         assert found[robot] == pytest.approx(cost, rel=2e-3)
     assert np.array_equal(own.plan(occupied, poses, goals), own.commands[found.argmin(1)])

@@ -9,7 +9,7 @@ OUTSIDE = 1.0  # probability of an obstacle beyond the border
 
 
 @compiled
-def spread(maps: np.ndarray, fall: np.ndarray, inflated: np.ndarray) -> None:
+def inflate(maps: np.ndarray, fall: np.ndarray, inflated: np.ndarray) -> None:
     """Spread maps (M, H, W) by the weights of the distances, (2 R + 1, 2 R + 1), into maps of zeros."""
     size, reach = maps.shape[1], len(fall) // 2
     for index in range(len(maps)):
@@ -26,57 +26,6 @@ def spread(maps: np.ndarray, fall: np.ndarray, inflated: np.ndarray) -> None:
                         target = inflated[index, to_row, first + right : last + 1 + right]
                         for column in range(len(source)):  # without a branch, for the vector unit
                             target[column] = max(target[column], source[column] * weight)
-
-
-@compiled
-def flood(cost: np.ndarray, goals: np.ndarray, nearby: np.ndarray, width: float) -> np.ndarray:
-    """Compute the costs to goals with Dijkstra's algorithm and buckets (Dial 1969).
-
-    A bucket has the pixels whose costs differ by less than the shortest edge, so that their order does not matter.
-
-    Args:
-        cost: of the way through each pixel, (E, H, W).
-        goals: row and column, (E, 2).
-        nearby: least and largest column and row from below of the pixels that are needed, (E, 2, 2).
-        width: of a bucket.
-    """
-    size, beside = cost.shape[1], ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
-    to_go = np.full(cost.shape, np.inf)
-    buckets = int(1.5 * cost.max() / width) + 2  # that are in use at a time
-    newest, pixels, before = (
-        np.empty(buckets, np.int32),
-        np.empty(9 * size**2, np.int32),
-        np.empty(9 * size**2, np.int32),
-    )
-    settled = np.empty((size, size), np.bool_)
-    for robot in range(len(cost)):
-        newest[:], settled[:] = -1, False
-        (left, low), (right, high) = nearby[robot]
-        missing = (right - left + 1) * (high - low + 1)
-        row, column = goals[robot]
-        to_go[robot, row, column], newest[0], pixels[0], before[0], used, bucket = 0.0, 0, row * size + column, -1, 1, 0
-        while missing:
-            while newest[bucket % buckets] >= 0:
-                entry = newest[bucket % buckets]
-                newest[bucket % buckets] = before[entry]
-                row, column = divmod(pixels[entry], size)
-                if settled[row, column]:
-                    continue
-                settled[row, column] = True
-                missing -= left <= column <= right and low <= size - 1 - row <= high
-                own, so_far = cost[robot, row, column], to_go[robot, row, column]
-                for down, across in beside:
-                    to_row, to_column = row + down, column + across
-                    if 0 <= to_row < size and 0 <= to_column < size and not settled[to_row, to_column]:
-                        length = np.sqrt(2.0) if down and across else 1.0
-                        found = so_far + 0.5 * (own + cost[robot, to_row, to_column]) * length
-                        if found < to_go[robot, to_row, to_column]:
-                            to_go[robot, to_row, to_column] = found
-                            which = int(found / width) % buckets
-                            pixels[used], before[used], newest[which] = to_row * size + to_column, newest[which], used
-                            used += 1
-            bucket += 1
-    return to_go
 
 
 @compiled

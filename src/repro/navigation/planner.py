@@ -1,21 +1,24 @@
 """The planner of all mappers: a cost-to-go on the map, and arcs that are rolled out over it.
 
 The probability of an obstacle p is inflated: the largest one within a radius. A meter costs 1 + weight p. Dijkstra's
-algorithm gives the cost from the pixels around the robot to the goal. Of the arcs of constant speed and turn over two
-seconds, as in the dynamic window approach (Fox, Burgard and Thrun 1997), the robot takes the one with the least sum of
-the cost from its end to the goal, of a risk times the weight times the longest way, and, if it drives backward, of the
-longest way. The risk is the mean of the inflated p along the arc and `costs.LETHAL` times the largest p within the
-robot's radius.
+algorithm (SciPy) gives the cost from every pixel to the goal. Of the arcs of constant speed and turn over two seconds,
+as in the dynamic window approach (Fox, Burgard and Thrun 1997), the robot takes the one with the least sum of the cost
+from its end to the goal, of a risk times the weight times the longest way, and, if it drives backward, of the longest
+way. The risk is the mean of the inflated p along the arc and `costs.LETHAL` times the largest p within the robot's
+radius.
 """
 
 import itertools
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
 from repro.maps.grid import Grid
 from repro.maps.outlines import placed
-from repro.navigation.costs import flood, roll_out, spread
+from repro.navigation.costs import inflate, roll_out
 
 HORIZON_S = 2.0  # of an arc
 LAYER_S = 0.5  # from one map of the future to the next
@@ -82,32 +85,24 @@ class Planner:
         inflated, lethal = self.inflate(occupied, self.fall), self.inflate(occupied, self.core)
         points = placed(self.arcs, poses[:, None]) / self.grid.resolution_m  # (E, A, P, 2)
         layer = np.minimum(TIMES_S // LAYER_S, occupied.shape[1] - 1).astype(int)
-        to_go = self.costs_to_go(inflated[:, 0], goals, points[:, :, -1])
+        to_go = np.stack([self.cost_to_go(maps[0], goal) for maps, goal in zip(inflated, goals, strict=True)])
         left, risk = roll_out(to_go, inflated, lethal, points, layer)
         return left + self.settings.weight * self.longest_m * risk + self.longest_m * (self.commands[:, 0] < 0)
 
     def inflate(self, occupied: np.ndarray, fall: np.ndarray) -> np.ndarray:
         """Return the largest product of p and the weight of its distance around each pixel, (..., H, W)."""
         inflated = np.zeros_like(occupied)
-        spread(occupied.reshape(-1, *occupied.shape[-2:]), fall, inflated.reshape(-1, *occupied.shape[-2:]))
+        inflate(occupied.reshape(-1, *occupied.shape[-2:]), fall, inflated.reshape(-1, *occupied.shape[-2:]))
         return inflated
 
-    def costs_to_go(self, inflated: np.ndarray, goals: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Compute the costs to goals [m], at least in the pixels around some points.
-
-        Args:
-            inflated: maps, (E, H, W).
-            goals: x, y [m], (E, 2).
-            ends: x, y [px], (E, A, 2).
-
-        Returns:
-            the costs, (E, H, W); infinite, or too large, farther away.
-        """
+    def cost_to_go(self, inflated: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        """Compute the cost from every pixel of a map (H, W) to a goal [m], (H, W)."""
         size = self.grid.size_px
-        cost = (1 + self.settings.weight * inflated) * self.grid.resolution_m
-        column, up = np.clip(goals // self.grid.resolution_m, 0, size - 1).astype(int).T
-        nearby = np.stack([ends.min(1) - 1.5, ends.max(1) + 1.5], axis=1).clip(0, size - 1).astype(int)
-        return flood(cost, np.stack([size - 1 - up, column], axis=1), nearby, 0.999 * self.grid.resolution_m)
+        cost = (1 + self.settings.weight * inflated).ravel() * self.grid.resolution_m
+        start, end, first, length = _neighbors(size)
+        graph = csr_array((0.5 * (cost[start] + cost[end]) * length, end, first), shape=(size**2, size**2))
+        column, row = np.clip(goal // self.grid.resolution_m, 0, size - 1).astype(int)
+        return dijkstra(graph, indices=(size - 1 - row) * size + column).reshape(size, size)
 
 
 def arcs(commands: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -121,3 +116,20 @@ def arcs(commands: np.ndarray, times: np.ndarray) -> np.ndarray:
     angle = turn * times / 2
     chord = speed * times * np.sinc(angle / np.pi)
     return np.stack([chord * np.cos(angle), chord * np.sin(angle)], axis=-1)
+
+
+@lru_cache(maxsize=4)
+def _neighbors(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the edges between the eight neighbors on a grid, sorted: start, end, first edge of each pixel, length."""
+    pixel = np.arange(size**2).reshape(size, size)
+    starts, ends, lengths = [], [], []
+    for down, right in itertools.product((-1, 0, 1), repeat=2):
+        if down or right:
+            own = pixel[max(0, -down) : size - max(0, down), max(0, -right) : size - max(0, right)].ravel()
+            starts.append(own)
+            ends.append(own + down * size + right)
+            lengths.append(np.full(len(own), np.hypot(down, right)))
+    start, end, length = map(np.concatenate, (starts, ends, lengths))
+    order = np.lexsort((end, start))
+    first = np.searchsorted(start[order], np.arange(size**2 + 1))
+    return start[order], end[order].astype(np.int32), first.astype(np.int32), length[order]

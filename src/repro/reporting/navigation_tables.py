@@ -53,8 +53,8 @@ def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
 
 
 @dataclass(frozen=True, eq=False)
-class Fared:
-    """How the robots with one mapper fared.
+class MapperResult:
+    """What the robots with one mapper reached.
 
     Args:
         score: the largest smoothed score of settings on the validation courses.
@@ -72,7 +72,7 @@ class Fared:
     covered: float
 
     @classmethod
-    def of(cls, driven: pd.DataFrame) -> "Fared":
+    def of(cls, driven: pd.DataFrame) -> "MapperResult":
         """Choose the settings in each resample, and gather their test results."""
         surface = Surface.of(driven[driven["split"] == "validation"])
         test = driven[driven["split"] == "test"].assign(success=lambda rows: (rows["outcome"] == "goal").astype(float))
@@ -91,27 +91,27 @@ class Fared:
 
 
 def compare_mappers(driven: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per experiment and mapper, and one for all experiments: how the robots fared.
+    """Return one row per experiment and mapper, and one for all experiments: how well the robots drove.
 
     Intervals are over the test courses and the choice of the settings. Differences are those to the classical mapper
     that is best on the validation courses, on the test courses that both have; that of the time is over the courses
     where both succeed; those that are `fixed` have no choice in them.
     """
-    fared = {mapper: Fared.of(own) for mapper, own in driven.groupby("mapper", sort=False)}
-    classical = [mapper for mapper in BEST_OF if mapper in fared]
-    best: str | None = max(classical, key=lambda mapper: fared[mapper].score, default=None)
-    test = pd.concat([one.test for one in fared.values()], ignore_index=True).assign(spl=spl, barn=barn)
+    found = {mapper: MapperResult.of(own) for mapper, own in driven.groupby("mapper", sort=False)}
+    classical = [mapper for mapper in BEST_OF if mapper in found]
+    best: str | None = max(classical, key=lambda mapper: found[mapper].score, default=None)
+    test = pd.concat([one.test for one in found.values()], ignore_index=True).assign(spl=spl, barn=barn)
     rows = []
     for experiment, of_experiment in [(ALL, test), *test.groupby("experiment", sort=False)]:
         by_mapper = of_experiment.pivot(index=["experiment", "seed"], columns="mapper", values=["success", "time_s"])
         success, time_s = by_mapper["success"], by_mapper["time_s"].where(by_mapper["success"] == 1)
         for mapper in mappers_of(success):
-            own, one = of_experiment[of_experiment["mapper"] == mapper], fared[mapper]
+            own, one = of_experiment[of_experiment["mapper"] == mapper], found[mapper]
             row: dict[str, Any] = {"experiment": experiment, "mapper": mapper, "title": title_of(mapper)}
             row |= {"settings": one.settings, "covered": one.covered, "episodes": len(own)}
             row |= _interval("success", "", success[mapper], one.shifts[experiment])
             if best is not None:
-                gain, shift = success[mapper] - success[best], one.shifts[experiment] - fared[best].shifts[experiment]
+                gain, shift = success[mapper] - success[best], one.shifts[experiment] - found[best].shifts[experiment]
                 row |= _interval("difference", "difference_fixed_", gain, 0 * shift)
                 row |= _interval("difference", "difference_", gain, shift)
                 row["time_difference_s"] = float((time_s[mapper] - time_s[best]).mean())

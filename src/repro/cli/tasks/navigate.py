@@ -1,6 +1,5 @@
 """task=navigate: drive a robot to goals by the maps of one mapper, tuned alone, and compare the mappers."""
 
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -71,17 +70,14 @@ def _mapper(job: Job, grid: "Grid", name: str) -> tuple[str, "Mapper"]:
 
 def _in_onnx_runtime(predictor: "Predictor") -> "Predictor":
     """Return a predictor whose network is in ONNX Runtime, where a window takes less than half the time."""
-    from repro.learning.networks.onnx_export import write_onnx
-    from repro.learning.networks.trained import TorchNetwork
-    from repro.networks.onnx_files import read_onnx
-    from repro.networks.predictor import description_of
+    from repro.learning.networks.trained import TorchNetwork, export_onnx
+    from repro.networks.predictor import load_predictor
 
     if not isinstance(predictor.network, TorchNetwork):
         return predictor
     with TemporaryDirectory() as directory:
-        path = Path(directory, "network.onnx")
-        write_onnx(path, predictor.network.module, predictor.encoding.channels, description_of(predictor))
-        return replace(predictor, network=read_onnx(path)[0])
+        export_onnx(predictor, path := Path(directory, "network.onnx"))
+        return load_predictor(path)
 
 
 def _checksum(path: Path) -> str:
