@@ -12,9 +12,8 @@ import pandas as pd
 import pytest
 from conftest import ROOT
 from reproduce.real import __main__ as script
-from reproduce.real import floors
+from reproduce.real import floors, maps, measures
 from reproduce.real import logs as real_logs
-from reproduce.real import maps, measures
 from reproduce.real.adapted import SOURCE, adapted
 from reproduce.real.evidence import COUNTS, Evidence, continued_walls
 from sklearn.metrics import log_loss, roc_auc_score
@@ -127,6 +126,10 @@ def test_whatever_is_fitted_follows_the_logs_to_which_it_is_fitted():
         predicted = fitted.predict(evidence, np.arange(2000))
         for name in (maps.REGRESSION, maps.BOOSTING):
             assert (roc_auc_score(tested.free, predicted[name]) > 0.95) == is_right, name
+
+
+def test_the_mean_of_two_maps_has_the_mean_of_their_log_odds():
+    assert maps.mixed(np.array([0.5, 0.9, 1.0]), np.array([0.8, 0.1, 1.0])) == pytest.approx([2 / 3, 0.5, 509 / 510])
 
 
 def test_the_boosting_is_tuned_on_places_that_it_has_not_seen(monkeypatch):
@@ -301,7 +304,7 @@ def test_a_network_is_adapted_to_logs_of_other_places_and_compared(logs, tmp_pat
     monkeypatch.setattr("reproduce.real.adapted.adapt", None)  # a second call reads the networks
     networks = adapted(weights, logs, tmp_path / "kept")
     table = pd.read_csv(tmp_path / "held_out.csv")
-    assert len(table) == 2 * 5 * 3 * (1 + 2)  # scores, maps, pixels; their mean and two logs
+    assert len(table) == 2 * 6 * 3 * (1 + 2)  # scores, maps, pixels; their mean and two logs
     key = ["score", "map", "pixels"]
     names = table["logs"].unique().tolist()
     mean, *of_logs = (table[table["logs"] == log].set_index(key).sort_index() for log in names)

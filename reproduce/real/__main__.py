@@ -139,6 +139,7 @@ def compare(path: Path, networks: dict[str, Predictor], fitted: Fitted) -> Compa
             evidence = case.evidence(grid)
             free = {name: each[number].ravel()[pixels] for name, each in images.items()}
             free |= fitted.predict(evidence, pixels)
+            free[maps.MIXED] = maps.mixed(free[next(iter(networks))], free[maps.BOOSTING])
             groups = case.groups(evidence.seen.ravel()[case.pixels])
             for name, each in free.items():
                 levels = np.rint((LEVELS - 1) * each).astype(np.int64)[place.reshape(beside.shape)]

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import expit, logit
 from sklearn.ensemble import HistGradientBoostingClassifier
 from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import Pipeline, make_pipeline
@@ -13,6 +14,7 @@ from reproduce.real.evidence import COUNTS, Evidence
 from reproduce.real.measures import auroc, calibrated, counts_of
 
 COUNTED, REGRESSION, BOOSTING = "counts and distances", "regression with continued walls", "gradient boosting"
+MIXED = "mean of the network and the boosting"
 DISTANCE_WEIGHTS = (0.0, 0.15, 0.3, 0.5, 1.0, 2.0)  # candidates
 PASSED_WEIGHTS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5)
 START = (0.15, 0.5)  # the weights before any choice
@@ -80,6 +82,12 @@ def fit(samples: list[Sample], settings: dict[str, float]) -> Fitted:
 def boosted(sample: Sample, settings: dict[str, float]) -> HistGradientBoostingClassifier:
     """Fit gradient boosting of decision trees (Friedman 2001; histograms as in LightGBM) to pixels."""
     return HistGradientBoostingClassifier(**COMMON, **settings).fit(sample.features, sample.free)
+
+
+def mixed(network: np.ndarray, boosting: np.ndarray) -> np.ndarray:
+    """Return the probability with the mean log odds of two maps; those of a network end at half a level."""
+    least = 0.5 / (LEVELS - 1)
+    return expit(sum(logit(free.clip(least, 1 - least)) for free in (network, boosting)) / 2)
 
 
 def tuned(samples: dict[str, list[Sample]]) -> dict[str, float]:
