@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 from conftest import ROOT
 from reproduce.real import __main__ as script
+from reproduce.real import floors
 from reproduce.real import logs as real_logs
 from reproduce.real import maps, measures
 from reproduce.real.adapted import SOURCE, adapted
@@ -158,6 +159,39 @@ def test_a_log_of_wean_hall_is_read(tmp_path):
     assert np.isinf(log.ranges[0, 90:]).all()
 
 
+def test_a_robot_drives_through_a_floor_whose_rooms_are_known_up_to_closed_doors(tmp_path):
+    plan = np.full((200, 600), 254, np.uint8)  # 60 m x 20 m: two rooms with a door, and a closed one
+    plan[[0, -1]] = plan[:, [0, 400, -1]] = 0
+    plan[:, 198:200] = 0
+    plan[20:30, 198:200] = 254  # the door, 17 to 18 m from the bottom
+    np.save(tmp_path / floors.PLAN, plan)
+    predictor = load_predictor(ROOT / "reproduce" / "results" / ROOMS)
+    cases = list(real_logs.cases_of(tmp_path, predictor))
+    assert real_logs.fold_of(tmp_path) is None
+    way = np.concatenate([case.window.scans.poses[:, :2] + case.window.origin for case in cases])
+    through = np.abs(way[:, 0] - 19.9) < 0.1
+    assert through.any()  # the farthest place is in the other room
+    assert (np.abs(way[through, 1] - 17.5) < 0.45).all()
+    for case in cases:
+        x, y = (predictor.grid.centers() + case.window.origin).T
+        hits, passed = (which.ravel() for which in (case.clear.hits, case.clear.passed))
+        assert (np.abs(x[hits] - 19.9) < 0.11).any() or (x[hits] > 39).any() or (x[hits] < 1).any()
+        assert not passed[(x > 40.2) | (x < 0) | (y < 0) | (y > 20)].any()  # the closed room and what is outside
+        scans = case.window.scans
+        ahead = scans.poses[:, 2, None] + scans.angles
+        for axis, bearing, length in ((0, np.cos(ahead), 60.0), (1, np.sin(ahead), 20.0)):
+            ends = scans.poses[:, axis, None] + case.window.origin[axis] + scans.ranges * bearing
+            assert ((ends > -0.01) & (ends < length + 0.01))[np.isfinite(scans.ranges)].all()
+
+
+def test_a_beam_ends_at_the_first_wall():
+    is_wall = np.zeros((100, 100), bool)
+    is_wall[:, 80] = True  # 8 m to the right
+    ranges = floors.cast(is_wall, np.array([5.0, 5.0, 0.0]), np.radians([0.0, 30.0, 90.0]), 30.0)
+    assert ranges[:2] == pytest.approx([3, 3 / math.cos(math.pi / 6)], abs=0.06)
+    assert ranges[2] == np.inf
+
+
 def test_a_pixel_is_compared_with_its_own_level_and_with_the_least_around_it():
     levels, hits, passed = np.full((9, 9), 255), np.zeros((9, 9), bool), np.zeros((9, 9), bool)
     levels[4, 4] = 0
@@ -257,7 +291,7 @@ def test_a_network_is_adapted_to_logs_of_other_places_and_compared(logs, tmp_pat
     monkeypatch.setattr(script, "count_cores", lambda: 1)  # other processes would not know of these limits
     weights = str(ROOT / "reproduce" / "results" / ROOMS)
     options = SimpleNamespace(
-        logs=logs, adapted=weights, weights=["rooms"], target=tmp_path, kept=tmp_path / "kept", save=None
+        logs=logs, adapted=weights, weights=["rooms"], target=tmp_path, kept=tmp_path / "kept", all=False
     )
     monkeypatch.setattr("argparse.ArgumentParser.parse_args", lambda self: options)
     script.main()

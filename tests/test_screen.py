@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 import torch
 from reproduce.ssim import ssim_gpu
-from reproduce.worlds.__main__ import screened
-from reproduce.worlds.families import FAMILIES, MOVING, STATIC, world_of
+from reproduce.worlds.__main__ import hopeless, screened
+from reproduce.worlds.families import FAMILIES, MOVING, STATIC, source, world_of
 from reproduce.worlds.misfit import misfits, ours, papers
 
 from repro.evaluation.image_metrics import ssim
@@ -19,17 +19,20 @@ from repro.worlds.spec import world_spec
 @pytest.mark.parametrize("name", FAMILIES)
 def test_a_family_has_other_worlds_than_the_papers_in_its_experiments_only(name):
     world = world_of(FAMILIES[name])
-    same = {experiment for experiment in STATIC + MOVING if are_papers(spec_fingerprint(world_spec(world, experiment)))}
-    assert same == (set(STATIC + MOVING) - set(FAMILIES[name].experiments) if name != "paper" else {*STATIC, *MOVING})
+    for experiment in STATIC + MOVING:
+        is_papers = are_papers(spec_fingerprint(world_spec(world, experiment)))
+        assert is_papers == (source(name, experiment) == "paper")
 
 
 def test_the_misfit_is_in_tolerances_and_leaves_ssim_out():
     paper, tolerance = papers("unet"), pd.Series(LEVEL)
     assert misfits(paper)["all"] == 0
     assert misfits(paper + 2 * tolerance)["all"] == pytest.approx(2)
-    other = paper.assign(ssim=2 * paper["ssim"])
-    assert (misfits(other)["all"], misfits(other)["ssim_ratio"]) == (0, pytest.approx(0.5))
-    assert np.isnan(misfits(paper.drop(index=[("1", "projection")]))["static"])
+    other = misfits(paper.assign(ssim=2 * paper["ssim"]))
+    assert (other["all"], other["ssim_square"]) == (0, pytest.approx(0.5))
+    missing = pd.Series(misfits((paper + tolerance).drop(index=[("1", "projection")])))
+    assert missing[["static", "ssim_rotation"]].isna().all()
+    assert missing["least"] == pytest.approx((5 / 6) ** 0.5)
 
 
 def test_a_small_study_changes_the_large_one_by_its_difference_to_the_papers_worlds():
@@ -42,6 +45,7 @@ def test_a_small_study_changes_the_large_one_by_its_difference_to_the_papers_wor
     assert found.loc["faster", "static"] == pytest.approx(misfits(full)["static"])
     assert found.loc["faster", "moving"] < found.loc["paper", "moving"]
     assert np.isnan(found.loc["25", "all"])
+    assert list(hopeless(found.reset_index())[["paper", "25", "clear"]]) == [False, False, True]
 
 
 def test_ssim_by_the_rules_of_a_gpu_is_piqas_in_32_bits():

@@ -10,13 +10,15 @@ also compare the least probability of free there, calibrated on logs of other pl
 The network of --adapted is adapted to the logs of two thirds of the places, as task=adapt does, and tested on the
 others; those of --weights are tested as they are. Maps without a network are fitted to the same logs as the adapted
 network. The boosting is tuned on the development logs among these, where these are of two places or more. The rows go
-to held_out.csv in the target, their origin to provenance.json. With --save, the network is first adapted to all logs.
+to held_out.csv in the target, their origin to provenance.json. With --all, the network is adapted to all logs, too.
 
 The published rows are of the gzipped CARMEN logs with poses corrected by a scan matcher of the Robotics Data Set
 Repository (Radish), https://github.com/acschaefer/ple/tree/master/data/carmen, see also
 https://www.ipb.uni-bonn.de/datasets; of logs of Wean Hall with odometry,
 https://github.com/deanhgit/16-831_Lab1/tree/master/log; and of bags of a standing lidar among people (BSD-3),
-https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_res_0_33/positive_not_extracted.
+https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_res_0_33/positive_not_extracted. Others
+are of a simulated lidar on floors of KTH, the directories of https://github.com/castacks/MapEx/tree/main/kth_test_maps,
+on which the network that is adapted to all logs is tested.
 """
 
 import argparse
@@ -45,7 +47,8 @@ from repro.system.files import sha256, write_json, write_text
 from reproduce.real import maps
 from reproduce.real.adapted import adapted, adapted_to_all
 from reproduce.real.figure import draw
-from reproduce.real.logs import DEVELOPMENT, FOLDS, Case, cases_of, fold_of, is_standing, place_of
+from reproduce.real.floors import PLAN, is_floor
+from reproduce.real.logs import DEVELOPMENT, FOLDS, Case, cases_of, fold_of, kind_of, place_of
 from reproduce.real.maps import Fitted, Sample
 from reproduce.real.measures import Measured, around, auroc, calibrated, count, counts_of, rows_of
 
@@ -78,12 +81,16 @@ def sample(path: Path, predictor: Predictor) -> Sample:
     return Sample(np.concatenate(features), np.concatenate(free))
 
 
-def fitted_by_fold(paths: list[Path], predictor: Predictor) -> tuple[dict[int, Fitted], dict[str, Any]]:
-    """Fit the maps without a network to the logs outside of each fold; return them and the chosen settings."""
+def fitted_by_fold(paths: list[Path], predictor: Predictor) -> tuple[dict[int | None, Fitted], dict[str, Any]]:
+    """Fit the maps without a network to the logs outside of each fold; return them and the chosen settings.
+
+    Those for floors, of no fold, are fitted to all logs.
+    """
+    floors, paths = ([path for path in paths if is_floor(path) == which] for which in (True, False))
     with process_pool(count_cores()) as pool:
         samples = dict(zip(paths, pool(delayed(on_one_thread)(sample, path, predictor) for path in paths), strict=True))
-    found, chosen = dict[int, Fitted](), dict[str, Any]()
-    for fold in range(FOLDS):
+    found, chosen = dict[int | None, Fitted](), dict[str, Any]()
+    for fold in [*range(FOLDS), *([None] if floors else [])]:
         others = [path for path in paths if fold_of(path) != fold]
         of_places: dict[str, list[Sample]] = defaultdict(list)
         for path in others:
@@ -91,7 +98,8 @@ def fitted_by_fold(paths: list[Path], predictor: Predictor) -> tuple[dict[int, F
                 of_places[place_of(path)].append(samples[path])
         settings = maps.tuned(of_places) if len(of_places) > 1 else dict(maps.CANDIDATES[0])
         found[fold] = maps.fit([samples[path] for path in others], settings)
-        chosen[f"fold {fold}"] = {"constants": found[fold].constants, "boosting": settings}
+        title = "floors" if fold is None else f"fold {fold}"
+        chosen[title] = {"constants": found[fold].constants, "boosting": settings}
     return found, chosen
 
 
@@ -155,10 +163,10 @@ def fast(predictor: Predictor) -> Predictor:
 
 
 def rows_of_kind(
-    paths: list[Path], compared: dict[Path, Compared], reference: str, *, stands: bool
+    paths: list[Path], compared: dict[Path, Compared], reference: str, kind: str
 ) -> Iterator[dict[str, Any]]:
-    """Yield the rows of logs of driving robots, or of those of standing lidars, by score."""
-    own = [path for path in paths if is_standing(path) == stands]
+    """Yield the rows of logs of driving robots, of standing lidars, or of floors, by score."""
+    own = [path for path in paths if kind_of(path) == kind]
     for score in (OWN, WITHIN):
         measured: dict[str, dict[str, Measured]] = defaultdict(dict)
         for path in own:
@@ -167,7 +175,7 @@ def rows_of_kind(
                 shares = [_share(other.counts[score][name]) for other in others]
                 probability = calibrated(np.sum(shares, 0)) if score == WITHIN and shares else PROBABILITY
                 measured[name][path.name] = Measured(len(compared[path].ranked), each, probability)
-        about = {"robot": "stands" if stands else "drives", "score": score}
+        about = {"robot": kind, "score": score}
         for row in rows_of(measured, compared[own[0]].groups, reference, sets_of(own)):
             yield about | row
 
@@ -181,7 +189,7 @@ def _share(counts: np.ndarray) -> np.ndarray:
 def sets_of(paths: list[Path]) -> dict[str, list[str]]:
     """Return the logs over which is averaged: of all places that have one, and of those besides development."""
     names = [path.name for path in paths]
-    if is_standing(paths[0]):
+    if kind_of(paths[0]) != "drives":
         return {f"all {len(names)}": names}
     carmen = [name for name in names if name.endswith(".gz")]
     unused = [name for name in carmen if name not in DEVELOPMENT]
@@ -195,19 +203,19 @@ def sets_of(paths: list[Path]) -> dict[str, list[str]]:
 def main() -> None:
     """Compare all maps with all logs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("logs", nargs="+", type=Path)
+    parser.add_argument("logs", nargs="+", type=Path, help="logs, and directories of floors")
     parser.add_argument("--adapted", help="weights, which are adapted to other logs than the tested ones")
     parser.add_argument("--weights", nargs="*", default=[], help="weights, which are tested as they are")
     parser.add_argument("--target", type=Path, default=TARGET)
     parser.add_argument("--kept", type=Path, default=KEPT, help="adapted networks")
-    parser.add_argument("--save", type=Path, help="also adapt the network to all logs, in this directory")
+    parser.add_argument("--all", action="store_true", help="also adapt the network to all logs")
     options = parser.parse_args()
     origin = environment()  # before the results change the working tree
     networks: Networks = {}
     if options.adapted:
         with one_thread():
-            if options.save:
-                adapted_to_all(options.adapted, options.logs, options.save)
+            if options.all:
+                adapted_to_all(options.adapted, options.logs, options.kept)
             networks[f"{options.adapted}, adapted"] = adapted(options.adapted, options.logs, options.kept)
     networks |= {name: dict.fromkeys(options.logs, load_trained(name)) for name in options.weights}
     reference = next(iter(networks.values()))[options.logs[0]]
@@ -219,10 +227,10 @@ def main() -> None:
         with process_pool(count_cores()) as pool:
             every = pool(delayed(on_one_thread)(compare, path, tested[path], fitted[path]) for path in options.logs)
         compared = dict(zip(options.logs, every, strict=True))
-        for stands in sorted(set(map(is_standing, options.logs))):
-            rows += rows_of_kind(options.logs, compared, next(iter(networks)), stands=stands)
+        for kind in sorted(set(map(kind_of, options.logs))):
+            rows += rows_of_kind(options.logs, compared, next(iter(networks)), kind)
         options.target.mkdir(parents=True, exist_ok=True)
-        ranked = {path: each.ranked for path, each in compared.items()}
+        ranked = {path: each.ranked for path, each in compared.items() if not is_floor(path)}
         draw(ranked, next(iter(networks.values())), fitted).savefig(options.target / "windows.png", dpi=110)
     write(rows, chosen, options, origin)
 
@@ -231,7 +239,7 @@ def write(rows: list[dict[str, Any]], chosen: dict[str, Any], options: argparse.
     """Write the rows with their origin, and print the means."""
     table = pd.DataFrame(rows)
     write_text(options.target / "held_out.csv", table.to_csv(index=False, float_format="%.4f"))
-    checksums = {path.name: sha256(path) for path in options.logs}
+    checksums = {path.name: sha256(path / PLAN if is_floor(path) else path) for path in options.logs}
     write_json(options.target / "provenance.json", {"logs": checksums, "chosen": chosen, **origin})
     shown = ["robot", "score", "logs", "map", "pixels", "log_loss", "auroc", "less_log_loss", "less_log_loss_low"]
     print(table.loc[table["count"] > 1, [*shown, "less_log_loss_high"]].to_string())

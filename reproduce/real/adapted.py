@@ -15,6 +15,7 @@ from repro.networks.weights import locate
 from repro.runs.devices import resolve_precision
 from repro.runs.provenance import environment
 from repro.system.files import read_mapping, sha256, write_json
+from reproduce.real.floors import is_floor
 from reproduce.real.logs import FOLDS, VIEW, fold_of, log_of
 
 SOURCE = "adapted_to.json"
@@ -26,19 +27,23 @@ def adapted(weights: str, paths: list[Path], kept: Path) -> dict[Path, Predictor
 
     Args:
         weights: the network before.
-        paths: the logs.
+        paths: the logs, to which networks are adapted, and floors, with which that is tested which is adapted to all.
         kept: the directory from which adapted networks are read, or to which they are written.
     """
-    networks = [
-        adapted_to(weights, tuple(path for path in paths if fold_of(path) != fold), paths, kept / f"fold-{fold}")
+    logs = [path for path in paths if not is_floor(path)]
+    networks: dict[int | None, Predictor] = {
+        fold: adapted_to(weights, tuple(path for path in logs if fold_of(path) != fold), logs, kept / f"fold-{fold}")
         for fold in range(FOLDS)
-    ]
-    return {path: networks[fold_of(path)] for path in paths}
+    }
+    of_logs = {path: networks[fold_of(path)] for path in logs}
+    floors = [path for path in paths if is_floor(path)]
+    return of_logs | (dict.fromkeys(floors, adapted_to_all(weights, paths, kept)) if floors else {})
 
 
-def adapted_to_all(weights: str, paths: list[Path], directory: Path) -> Predictor:
-    """Return the network that is adapted to all logs, from a directory or into it."""
-    return adapted_to(weights, tuple(paths), paths, directory)
+def adapted_to_all(weights: str, paths: list[Path], kept: Path) -> Predictor:
+    """Return the network that is adapted to all logs, from a directory `all` or into it."""
+    logs = [path for path in paths if not is_floor(path)]
+    return adapted_to(weights, tuple(logs), logs, kept / "all")
 
 
 def adapted_to(weights: str, chosen: tuple[Path, ...], paths: list[Path], directory: Path) -> Predictor:

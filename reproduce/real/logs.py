@@ -7,6 +7,8 @@ such that the robot drives as far in a window as in the training, but at most te
 
 The logs of Wean Hall are text with true times and the poses of odometry alone.
 
+Floor plans have a simulated lidar and a known map, see `reproduce.real.floors`. No map is fitted to them.
+
 Bags of a standing lidar have no poses. A view of 90 degrees swings by 45 degrees to both sides. The beams that are held
 out are those that it sweeps and does not have at the end of the window.
 """
@@ -28,10 +30,12 @@ from repro.maps.grid import Grid
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import Observed, observed
 from repro.prediction.windows import Window, spaced_by_distance
+from reproduce.real import floors
 from reproduce.real.evidence import Evidence
+from reproduce.real.floors import is_floor
 
 VIEW = View()
-STRIDE, STANDING_STRIDE = 10, 5  # steps between the ends of windows of a driving robot and of a standing lidar
+STRIDE, STANDING_STRIDE, FLOOR_STRIDE = 10, 5, 50  # steps between the ends of windows, of driving robots first
 FOLDS = 3
 PLACES = (  # in the order of the folds
     *("acapulco", "aces", "belgioioso", "csail", "edmonton", "fhw", "freiburg", "infinite", "intel", "orebro"),
@@ -103,20 +107,31 @@ def is_standing(path: Path) -> bool:
     return path.suffix == ".bag"
 
 
+def kind_of(path: Path) -> str:
+    """Return what the robot of a log does, as the tables call it."""
+    return "simulated" if is_floor(path) else "stands" if is_standing(path) else "drives"
+
+
 def place_of(path: Path) -> str:
     """Return the building or campus of a log, the first word of its name; logs of one place are never apart."""
+    if is_floor(path):
+        return "floors"
     return re.match("[a-z]+", path.name)[0]  # type: ignore[index]
 
 
-def fold_of(path: Path) -> int:
-    """Return the fold of a log, that of its place."""
+def fold_of(path: Path) -> int | None:
+    """Return the fold of a log, that of its place; a floor has none."""
+    if is_floor(path):
+        return None
     place = place_of(path)
     number = PLACES.index(place) if place in PLACES else int.from_bytes(place.encode(), "big")
     return number % FOLDS
 
 
 def cases_of(path: Path, predictor: Predictor) -> Iterator[Case]:
-    """Yield the windows of a log of a driving robot (gzipped CARMEN) or of a standing lidar (ROS 1 bag)."""
+    """Yield the windows of a log of a driving robot, of one of a standing lidar (ROS 1 bag), or of a floor."""
+    if is_floor(path):
+        return on_floor(path, predictor)
     return (standing if is_standing(path) else driving)(path, predictor)
 
 
@@ -128,6 +143,13 @@ def driving(path: Path, predictor: Predictor) -> Iterator[Case]:
     log, settings = log_of(path, predictor)
     for window, clear in labeled(log, settings, stride_of(log, settings, STRIDE), predictor.grid, VIEW):
         yield Case(window, min(log.range_max_m, VIEW.range_max_m), clear)
+
+
+def on_floor(path: Path, predictor: Predictor) -> Iterator[Case]:
+    """Yield the windows of a simulated drive through a floor plan."""
+    settings = window_of(predictor)
+    for window, known in floors.windows(path, settings, FLOOR_STRIDE * settings.step_s, predictor.grid, VIEW):
+        yield Case(window, VIEW.range_max_m, known)
 
 
 def stride_of(log: ScanLog, settings: WindowSettings, least: float) -> float:

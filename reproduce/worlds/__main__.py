@@ -1,11 +1,12 @@
 """Screen families of worlds: which obstacles bring a study closest to the paper's tables?
 
-    python -m reproduce.worlds [FAMILY ...] [--train] [--publish]
+    python -m reproduce.worlds [FAMILY ...] [--train] [--scale SCALE] [--publish]
 
 measures coverage, visibility and the SSIM of a map without obstacles at 256 px. With --train, it trains U-Net in each
-family at 64 px with 1,000 pairs; cells whose worlds are those of paper.yaml are trained once, and the same call
-resumes. With --publish, it writes what is there to reproduce/results/worlds. A small study is worse than a large one in
-the same worlds, so the misfit is that of the paper's protocol at 256 px plus the change from paper.yaml at 64 px.
+family: at scale screen, 64 px and 1,000 pairs, or at workstation256, beside the published study. The same call resumes.
+A family is left as soon as its misfit cannot be half of the study's any more. With --publish, it writes what is there
+to reproduce/results/worlds. A small study is worse than a large one in the same worlds, so the misfit is that of the
+paper's protocol at 256 px plus the change from paper.yaml at the same scale.
 """
 
 import argparse
@@ -32,20 +33,25 @@ from repro.runs.provenance import Status, environment
 from repro.simulation.recorder import record_experiment
 from repro.system.files import write_json, write_text
 from repro.worlds.spec import world_spec
-from reproduce.worlds.families import FAMILIES, MOVING, STATIC, Family, world_of
+from reproduce.worlds.families import FAMILIES, MOVING, STATIC, Family, source, world_of
 from reproduce.worlds.misfit import CELL, RESULTS, misfits, ours, published
 
 ROOT = Path(__file__).parents[2]
 OUTPUTS, TARGET = ROOT / "outputs" / "worlds", RESULTS / "worlds"
 PAIRS = 80  # of the statistics, per experiment
-SETTINGS = ["scale=laptop", "scale.pairs={train: 1000, val: 64, test: 300}", "runtime.precision=bf16-mixed"]
-SWEEPS = {MOVING: (["exp=3,4"], ["exp=3,4", "decay=false"]), STATIC: (["exp=1,2"],)}
+SCREEN = "screen"
+SETTINGS = {
+    SCREEN: ["scale=laptop", "scale.pairs={train: 1000, val: 64, test: 300}", "runtime.precision=bf16-mixed"],
+    "workstation256": ["scale=workstation256"],  # whose published study is in the worlds of paper.yaml
+}
+# experiment and decay, those first that have ruled out most families
+CELLS = (("4", "true"), ("3", "false"), ("4", "false"), ("3", "true"), ("1", "true"), ("2", "true"))
 
 
 def statistics(name: str) -> pd.DataFrame:
     """Record test pairs of a family; return coverage, visibility and the SSIM of an empty map, a row per experiment."""
     rows, grid = [], Grid(256, 50.0)
-    for experiment in FAMILIES[name].experiments:
+    for experiment in (number for number in STATIC + MOVING if source(name, number) == name):
         directory = OUTPUTS / "statistics" / name / f"exp{experiment}"
         record_experiment(directory, world_spec(world_of(FAMILIES[name]), experiment), {"test": PAIRS}, workers=1)
         recordings = open_recordings(directory)
@@ -56,24 +62,35 @@ def statistics(name: str) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def train(name: str, arguments: list[str]) -> None:
-    """Record and train what is missing of some cells of a family."""
+def train(name: str, scale: str, experiment: str, decay: str) -> None:
+    """Record and train what is missing of a cell of a family."""
     worlds = OUTPUTS / "conf" / "world"
     worlds.mkdir(parents=True, exist_ok=True)
     write_text(worlds / f"{name}-family.yaml", yaml.safe_dump(world_of(FAMILIES[name])))
-    call = [sys.executable, "run.py", "-m", "--config-dir", str(worlds.parent), f"world={name}-family"]
-    call += [*SETTINGS, f"outputs={OUTPUTS / name}", "runtime.workers=1", "hydra/launcher=basic"]
-    subprocess.run([*call, *arguments], check=True, cwd=ROOT)
+    call = [sys.executable, "run.py", "--config-dir", str(worlds.parent.relative_to(ROOT)), f"world={name}-family"]
+    call += [*SETTINGS[scale], f"outputs={(OUTPUTS / scale / name).relative_to(ROOT)}", "runtime.workers=1"]
+    subprocess.run([*call, f"exp={experiment}", f"decay={decay}"], check=True, cwd=ROOT)
 
 
-def evaluated(name: str) -> list[Run]:
-    """Return the evaluated runs of a family."""
-    return [run for run in Outputs(OUTPUTS / name).runs() if run.status is Status.evaluated]
+def train_missing(name: str, scale: str) -> None:
+    """Train a family cell by cell until its misfit is known, or known to exceed half of the study's."""
+    for experiment, decay in CELLS:
+        if hopeless(screened(trained(scale))).get(name):
+            return
+        train(source(name, experiment), scale, experiment, decay)
 
 
-def trained() -> pd.DataFrame:
+def evaluated(name: str, scale: str) -> list[Run]:
+    """Return the evaluated networks of a family."""
+    runs = Outputs(OUTPUTS / scale / name).runs()
+    return [run for run in runs if run.status is Status.evaluated and "runs" in run.path.parts]
+
+
+def trained(scale: str) -> pd.DataFrame:
     """Return the metrics of U-Net in every cell that is evaluated, by family, experiment and encoding."""
-    rows = [read_results(Outputs(OUTPUTS / name)).assign(family=name) for name in FAMILIES if evaluated(name)]
+    names = [name for name in FAMILIES if evaluated(name, scale)]
+    rows = [read_results(Outputs(OUTPUTS / scale / name)).assign(family=name) for name in names]
+    rows += [] if scale == SCREEN else [ours(scale, "unet").reset_index().assign(family="paper", model="unet")]
     rows = [table[table["model"] == "unet"] for table in rows]  # without the baselines
     return pd.concat(rows)[["family", *CELL, *METRICS]] if rows else pd.DataFrame(columns=["family", *CELL, *METRICS])
 
@@ -84,16 +101,28 @@ def screened(cells: pd.DataFrame) -> pd.DataFrame:
     Args:
         cells: see `trained`.
     """
-    full, tables = (
-        ours("paper", "unet"),
-        {str(name): part.set_index(CELL)[[*METRICS]] for name, part in cells.groupby("family")},
-    )
-    plain, rows = tables.get("paper", full.iloc[:0]).reindex(full.index), []
+    full, rows = ours("paper", "unet"), []
+    found = cells.set_index(["family", *CELL])[[*METRICS]]
+    own = {
+        name: found.reindex([(source(name, cell[0]), *cell) for cell in full.index]).set_axis(full.index)
+        for name in FAMILIES
+    }
     for name, family in FAMILIES.items():
-        own = tables.get(name, full.iloc[:0]).reindex(full.index)
-        own = own.combine_first(plain.loc[list(set(STATIC) - set(family.experiments))])
-        rows.append({"family": name, **_settings(family), **misfits(full + own - plain)})
+        count = int(own[name]["ssim"].notna().sum())
+        rows.append({"family": name, **_settings(family), "cells": count, **misfits(full + own[name] - own["paper"])})
     return pd.DataFrame(rows)
+
+
+def hopeless(families: pd.DataFrame) -> pd.Series:
+    """Return for each family, see `screened`, whether the cells that are known rule out half of the study's misfit."""
+    least = families.set_index("family")["least"]
+    return (least > least["paper"] / 2) & (least.index != "paper")
+
+
+def known(cells: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of `screened` of the families that have cells of their own or are hopeless without."""
+    families = screened(cells)
+    return families[families["family"].isin(cells["family"]) | hopeless(families).to_numpy()]
 
 
 def _settings(family: Family) -> dict[str, Any]:
@@ -107,27 +136,30 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("families", nargs="*", default=[*FAMILIES], metavar="FAMILY", help=", ".join(FAMILIES))
     parser.add_argument("--train", action="store_true")
+    parser.add_argument("--scale", choices=[*SETTINGS], default=SCREEN)
     parser.add_argument("--publish", action="store_true")
     options = parser.parse_args()
     origin, found = environment(), []
     for name in options.families:
         found.append(statistics(name))
         print(found[-1].to_string(index=False, float_format="{:.3f}".format), flush=True)
-    for experiments, sweeps in (SWEEPS if options.train else {}).items():
-        for name in options.families:
-            for sweep in sweeps if set(experiments) <= set(FAMILIES[name].experiments) else ():
-                train(name, sweep)
-    tables = {"statistics": pd.concat(found), "cells": trained(), "published": published()}
-    tables["families"] = screened(tables["cells"]).dropna(subset=["moving"]) if len(tables["cells"]) else pd.DataFrame()
+    for name in options.families if options.train else ():
+        train_missing(name, options.scale)
+    cells = {scale: trained(scale) for scale in SETTINGS}
+    tables = {
+        "statistics": pd.concat(found),
+        "cells": pd.concat([cells[scale].assign(scale=scale) for scale in SETTINGS]),
+        "families": pd.concat([known(cells[scale]).assign(scale=scale) for scale in SETTINGS]),
+        "published": published(),
+    }
     print(tables["families"].to_string(float_format="{:.3f}".format), tables["published"].to_string(), sep="\n")
     if options.publish:
         TARGET.mkdir(exist_ok=True)
-        runs = [run for name in FAMILIES for run in evaluated(name)]
+        runs = [run for scale in SETTINGS for name in FAMILIES for run in evaluated(name, scale)]
         origins = {str(run.path.relative_to(OUTPUTS)): dataclasses.asdict(run.provenance()) for run in runs}
         write_json(TARGET / "provenance.json", {"statistics": origin, "runs": origins})
         for name, table in tables.items():
-            if not table.empty:
-                write_text(TARGET / f"{name}.csv", table.to_csv(index=False, float_format="%.4g"))
+            write_text(TARGET / f"{name}.csv", table.round(6).to_csv(index=False))
 
 
 if __name__ == "__main__":

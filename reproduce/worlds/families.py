@@ -1,6 +1,7 @@
 """Families of worlds like the paper's, which differ in number, shape, place and motion of the obstacles."""
 
 import copy
+import functools
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -26,7 +27,7 @@ class Family:
     Args:
         number: static obstacles on average; their area is that of 10 in paper.yaml.
         shape: mixed, discs, rectangles, or polygons as IR-SIM draws them at random.
-        clear_m: clear radius of experiments 1 and 3 [m]; that of 2 and 4 is 8.5 m.
+        clear_m: clear radius of experiments 1 and 3 [m]; that of 2 and 4 is 8.5 m, outside the robot's way.
         speed_m_s: range of speeds of moving obstacles [m/s].
         turn_steps: range of steps between their turns.
         growth: factor of the radius of moving obstacles, for the coverage of paper.yaml at the last step.
@@ -38,12 +39,6 @@ class Family:
     speed_m_s: tuple[float, float] = (0.2, 0.7)
     turn_steps: tuple[int, int] = (50, 100)
     growth: float = 1.0
-
-    @property
-    def experiments(self) -> tuple[str, ...]:
-        """The experiments whose worlds can differ from those of paper.yaml."""
-        same = (self.number, self.shape, self.clear_m) == (NUMBER, "mixed", 4.0)
-        return MOVING if same and self != Family() else STATIC + MOVING
 
 
 FAMILIES = {
@@ -60,9 +55,18 @@ FAMILIES = {
     "20": Family(20, clear_m=8.5, growth=1.015),
     "15": Family(15, growth=1.015),
     "30": Family(30, clear_m=8.5, growth=1.02),
+    "clear": Family(clear_m=8.5),
+    "polygons-little-faster": Family(shape="polygons", speed_m_s=(0.25, 0.8), growth=1.007),
 }
 
 
+def source(name: str, experiment: str) -> str:
+    """Return the first family with the same worlds in an experiment; its recordings and trainings serve all others."""
+    own = world_of(FAMILIES[name])["experiments"][experiment]
+    return next(other for other in FAMILIES if world_of(FAMILIES[other])["experiments"][experiment] == own)
+
+
+@functools.cache
 def world_of(family: Family) -> dict[str, Any]:
     """Return the content of a file of conf/world for a family."""
     world = copy.deepcopy(read_world(WORLDS))
