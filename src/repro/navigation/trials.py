@@ -1,14 +1,15 @@
 """One mapper of the comparison: tuned on validation courses, driven on test courses.
 
-Each validation course is driven with a few settings of a grid, all settings in turn. The scores of the settings, less
-the means of the courses, are smoothed over neighbors on the grid by a Gaussian process, and the setting with the
-largest one is chosen. So is one in every resample of the courses; those chosen often are driven on test courses, too,
-for the interval of the result.
+Each validation course is driven with two settings of a grid, all settings in turn, and then with one of the best
+quarter, as in successive halving (Jamieson and Talwalkar 2016). A Gaussian process smooths the scores over neighbors on
+the grid, with an effect of each course, and the setting with the largest one is chosen. So is one in every resample of
+the courses; those chosen often are driven on test courses, too, for the interval of the result.
 
 Every episode is a row of one file, so that a run goes on where it was left.
 """
 
 import dataclasses
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -32,10 +33,12 @@ from repro.worlds.spec import WorldSpec
 
 INFLATIONS_M = (0.8, 1.6, 2.4, 3.2, 4.0, 4.8, 5.6)
 WEIGHTS = (1.0, 3.0, 10.0, 30.0, 100.0)
+BEYOND = {"inflation_m": (6.4,), "weight": (0.3, 300.0), "forgetting": (0.002,)}  # from the second round on, for edges
+KEPT = 0.25  # share of the settings of the first round that have a second one
 SMOOTHED = ("inflation_m", "weight", "age_s", "forgetting")  # settings whose neighbors are alike
 REACH, ALIKE = 2.0, 0.5  # of a neighbor, in steps of the grid; correlation of settings that differ in another axis
 SPREAD = 0.05  # of the scores of settings
-TRIES = 2  # settings of each validation course
+TRIES = 2, 1  # settings of each validation course in the two rounds
 OFTEN, MOST = 0.05, 2  # share of the resamples in which a setting is chosen that is tested, and number of these
 SHARED = 100  # test courses per experiment on which they are driven
 BATCH = 150  # courses that are driven at the same time
@@ -65,7 +68,7 @@ class Surface:
         labels: of the settings, (S,).
         means: mean scores of the courses, (C,).
         deviations: scores less these, 0 where a course was not driven, (C, S).
-        driven: whether it was, (C, S).
+        driven: 1 where it was, else 0, (C, S).
         kernel: correlations of the scores of settings, (S, S).
     """
 
@@ -76,28 +79,32 @@ class Surface:
     kernel: np.ndarray
 
     @classmethod
-    def of(cls, validation: pd.DataFrame) -> "Surface":
-        """Gather the episodes on validation courses."""
+    def of(cls, validation: pd.DataFrame, labels: Sequence[str] | None = None) -> "Surface":
+        """Gather the episodes on validation courses, for their settings or for those of the labels."""
         score = (validation["outcome"] == "goal") + SPL_SHARE * spl(validation)
         table = validation.assign(score=score).pivot(index=["experiment", "seed"], columns="settings", values="score")
         means = table.mean(axis=1)
-        table = table.sub(means, axis=0)
-        labels = list(map(str, table))
-        axes = pd.DataFrame(map(settings_of, labels))
+        own = list(map(str, table) if labels is None else labels)
+        table = table.sub(means, axis=0).reindex(columns=own)
+        axes = pd.DataFrame(map(settings_of, own))
         ranks = axes.rank(method="dense").fillna(0).to_numpy()
         apart = ranks[:, None] - ranks
         smooth = axes.columns.isin(SMOOTHED)
         near = np.exp(-np.square(apart[..., smooth] / REACH).sum(-1) / 2)
         kernel = near * ALIKE ** (apart[..., ~smooth] != 0).sum(-1)
-        return cls(labels, means.to_numpy(), table.fillna(0).to_numpy(), table.notna().to_numpy(), kernel)
+        return cls(own, means.to_numpy(), table.fillna(0).to_numpy(), table.notna().to_numpy(float), kernel)
 
     def smoothed(self, weights: np.ndarray) -> np.ndarray:
         """Return the smoothed scores of the settings, (draws, S), given the weights of the courses, (draws, C)."""
-        sums, counts = weights @ self.deviations, weights @ self.driven
+        prior = SPREAD**2 * self.kernel
         noise = np.square(self.deviations).sum() / max(self.driven.sum() - len(self.driven), 1) + 1e-6
-        known = counts[..., None] * SPREAD**2 * self.kernel + noise * np.eye(len(self.kernel))
-        gains = np.linalg.solve(known, sums[..., None])[..., 0] @ (SPREAD**2 * self.kernel)
-        return (weights @ self.means / weights.sum(1))[:, None] + gains
+        share = self.driven / self.driven.sum(1, keepdims=True)
+        scores = []
+        for own in weights:
+            counts = np.diag(own @ self.driven) - (own[:, None] * self.driven).T @ share
+            gains = prior @ np.linalg.solve(counts @ prior + noise * np.eye(len(prior)), own @ self.deviations)
+            scores.append(own @ (self.means - share @ gains) / own.sum() + gains)
+        return np.array(scores)
 
     @cached_property
     def chosen(self) -> np.ndarray:
@@ -124,7 +131,8 @@ class Trials:
 
     def __init__(self, directory: Path, name: str, mapper: Mapper, specs: Mapping[str, WorldSpec], grid: Grid) -> None:
         self.directory, self.name, self.mapper, self.specs, self.grid = directory / name, name, mapper, specs, grid
-        self.axes = {"inflation_m": INFLATIONS_M, "weight": WEIGHTS, **mapper.candidates}
+        self.axes: dict[str, Sequence[float | None]] = {"inflation_m": INFLATIONS_M, "weight": WEIGHTS}
+        self.axes |= mapper.candidates
         self.courses: dict[tuple[str, int], Course] = {}
 
     def run(self, seeds: Seeds, origin: Mapping[str, Any]) -> Settings:
@@ -139,8 +147,13 @@ class Trials:
         """
         self.directory.mkdir(parents=True, exist_ok=True)
         self._check_courses()
-        labels = [label_of(dict(zip(self.axes, values, strict=True))) for values in product(*self.axes.values())]
-        self.episodes([("validation", *trial) for trial in design(labels, self.specs, seeds.validation)])
+        labels = labels_of(self.axes)
+        first = self._validate(labels, seeds.validation, TRIES[0])
+        count = math.ceil(KEPT * len(labels))
+        labels = labels_of({name: (*values, *BEYOND.get(name, ())) for name, values in self.axes.items()})
+        scores = Surface.of(first, labels).smoothed(np.ones((1, len(self.specs) * seeds.validation)))[0]
+        best = [labels[which] for which in np.argsort(-scores, kind="stable")[:count]]
+        self._validate(best, seeds.validation, TRIES[1])
         tested = Surface.of(self._known().query("split == 'validation'")).tested
         for label, count in zip(tested, [seeds.test] + [min(SHARED, seeds.test)] * (len(tested) - 1), strict=True):
             self.episodes([("test", name, number, label) for name in self.specs for number in range(count)])
@@ -150,6 +163,10 @@ class Trials:
             steps.append({"seeds": dataclasses.asdict(seeds), "episodes": driven, **origin})
         write_json(path, {"steps": steps})
         return settings_of(tested[0])
+
+    def _validate(self, labels: Sequence[str], count: int, tries: int) -> pd.DataFrame:
+        """Return the episodes of a round."""
+        return self.episodes([("validation", *trial) for trial in design(labels, self.specs, count, tries)])
 
     def _check_courses(self) -> None:
         """Refuse to mix episodes, and write of what they are."""
@@ -169,8 +186,8 @@ class Trials:
         path = self.directory / EPISODES
         return pd.read_csv(path) if path.is_file() else pd.DataFrame(columns=INDEX)
 
-    def episodes(self, wanted: Sequence[Wanted]) -> None:
-        """Drive the episodes that are missing, in batches of similar settings."""
+    def episodes(self, wanted: Sequence[Wanted]) -> pd.DataFrame:
+        """Return episodes, and drive those that are missing, in batches of similar settings."""
         rows = self._known()
         keys = [(split, experiment, FIRST[split] + number, label) for split, experiment, number, label in wanted]
         known = set(rows[INDEX].itertuples(index=False, name=None))
@@ -179,6 +196,7 @@ class Trials:
             driven = self._drive(missing[first : first + BATCH])
             rows = pd.concat([rows, driven], ignore_index=True) if len(rows) else driven
             write_text(self.directory / EPISODES, rows.to_csv(index=False, float_format="%.4f"))
+        return rows.set_index(INDEX).loc[keys].reset_index()
 
     def _drive(self, keys: Sequence[Wanted]) -> pd.DataFrame:
         """Drive courses of several experiments, which have the same robot."""
@@ -192,12 +210,12 @@ class Trials:
         return rows.assign(split=splits, experiment=experiments, settings=labels, mapper=self.name)
 
 
-def design(labels: Sequence[str], experiments: Iterable[str], count: int) -> list[tuple[str, int, str]]:
+def design(labels: Sequence[str], experiments: Iterable[str], count: int, tries: int) -> list[tuple[str, int, str]]:
     """Return which settings each validation course is driven with: experiment, number of the course, settings.
 
     All settings of an experiment have their turn before one comes again; more courses change nothing for the others.
     """
-    found, tries = [], min(TRIES, len(labels))
+    found, tries = [], min(tries, len(labels))
     for place, experiment in enumerate(experiments):
         rng = np.random.default_rng(place)
         turns: list[int] = []
@@ -209,6 +227,11 @@ def design(labels: Sequence[str], experiments: Iterable[str], count: int) -> lis
                 turns.remove(own[-1])
             found += [(experiment, number, labels[which]) for which in own]
     return found
+
+
+def labels_of(axes: Mapping[str, Sequence[float | None]]) -> list[str]:
+    """Return the names of all settings of a grid."""
+    return [label_of(dict(zip(axes, values, strict=True))) for values in product(*axes.values())]
 
 
 def label_of(settings: Settings) -> str:
