@@ -36,7 +36,7 @@ def test_the_papers_own_tables_have_no_distance_and_its_effects():
 def test_one_network_is_named():
     one = results().query("model == 'unet' and experiment in ('1', '3')")
     sentences = answer(one)
-    assert sentences[0].endswith("(3 rows of the tables).")
+    assert sentences[0].endswith("(3 trained networks).")
     assert [sentence.split(" finds")[0] for sentence in sentences[2:]] == [
         "Where obstacles move, U-Net",
         "Without the time decay, U-Net",

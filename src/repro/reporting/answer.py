@@ -71,10 +71,10 @@ def answer(results: pd.DataFrame) -> list[str]:
         return []
     networks = found[found.index.get_level_values("model") != "average"]
     gaps = (networks["ours"] - networks["paper"]).agg(["mean", "min", "max"])
-    rows = "1 row of the tables" if len(networks) == 1 else f"{len(networks)} rows of the tables"
+    trained = "1 trained network" if len(networks) == 1 else f"{len(networks)} trained networks"
     sentences = [
         f"{metric.capitalize()} differs from the paper's by {gaps.loc['mean', metric]:+.3f} on average, "
-        f"{gaps.loc['min', metric]:+.3f} to {gaps.loc['max', metric]:+.3f} ({rows})."
+        f"{gaps.loc['min', metric]:+.3f} to {gaps.loc['max', metric]:+.3f} ({trained})."
         for metric in CLOSE
     ]
     for effect in effects(found):
