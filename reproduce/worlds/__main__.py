@@ -95,21 +95,29 @@ def trained(scale: str) -> pd.DataFrame:
     return pd.concat(rows)[["family", *CELL, *METRICS]] if rows else pd.DataFrame(columns=["family", *CELL, *METRICS])
 
 
-def screened(cells: pd.DataFrame) -> pd.DataFrame:
-    """Return the settings of every family and its misfits at 256 px, one row each; nan where a cell is not trained.
+def estimates(cells: pd.DataFrame) -> pd.DataFrame:
+    """Return what U-Net would have by the paper's protocol at 256 px, by family, experiment and encoding.
 
     Args:
         cells: see `trained`.
+
+    Returns:
+        the published row of paper.yaml plus the change from it in `cells`; nan where a cell is not trained.
     """
-    full, rows = ours("paper", "unet"), []
-    found = cells.set_index(["family", *CELL])[[*METRICS]]
+    full, found = ours("paper", "unet"), cells.set_index(["family", *CELL])[[*METRICS]]
     own = {
         name: found.reindex([(source(name, cell[0]), *cell) for cell in full.index]).set_axis(full.index)
         for name in FAMILIES
     }
-    for name, family in FAMILIES.items():
-        count = int(own[name]["ssim"].notna().sum())
-        rows.append({"family": name, **_settings(family), "cells": count, **misfits(full + own[name] - own["paper"])})
+    return pd.concat({name: full + own[name] - own["paper"] for name in FAMILIES}, names=["family"])
+
+
+def screened(cells: pd.DataFrame) -> pd.DataFrame:
+    """Return the settings of every family, the number of its known cells, and its misfits at 256 px, one row each."""
+    rows = []
+    for name, own in estimates(cells).groupby(level="family", sort=False):
+        count = int(own["ssim"].notna().sum())
+        rows.append({"family": name, **_settings(FAMILIES[name]), "cells": count, **misfits(own.droplevel("family"))})
     return pd.DataFrame(rows)
 
 
@@ -149,6 +157,9 @@ def main() -> None:
     tables = {
         "statistics": pd.concat(found),
         "cells": pd.concat([cells[scale].assign(scale=scale) for scale in SETTINGS]),
+        "estimates": pd.concat(
+            [estimates(cells[scale]).dropna().assign(scale=scale) for scale in SETTINGS]
+        ).reset_index(),
         "families": pd.concat([known(cells[scale]).assign(scale=scale) for scale in SETTINGS]),
         "published": published(),
     }
