@@ -34,7 +34,7 @@ from repro.simulation.recorder import record_experiment
 from repro.system.files import write_json, write_text
 from repro.worlds.spec import world_spec
 from reproduce.worlds.families import FAMILIES, MOVING, STATIC, Family, source, world_of
-from reproduce.worlds.misfit import CELL, RESULTS, misfits, ours, published
+from reproduce.worlds.misfit import CELL, RESULTS, misfits, ours, papers, published
 
 ROOT = Path(__file__).parents[2]
 OUTPUTS, TARGET = ROOT / "outputs" / "worlds", RESULTS / "worlds"
@@ -95,29 +95,35 @@ def trained(scale: str) -> pd.DataFrame:
     return pd.concat(rows)[["family", *CELL, *METRICS]] if rows else pd.DataFrame(columns=["family", *CELL, *METRICS])
 
 
-def estimates(cells: pd.DataFrame) -> pd.DataFrame:
-    """Return what U-Net would have by the paper's protocol at 256 px, by family, experiment and encoding.
+def estimates(cells: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Return for each family what U-Net would have by the paper's protocol at 256 px, by experiment and encoding.
 
     Args:
         cells: see `trained`.
 
     Returns:
-        the published row of paper.yaml plus the change from it in `cells`; nan where a cell is not trained.
+        the published rows of paper.yaml plus the change from it in `cells`; nan where a cell is not trained.
     """
     full, found = ours("paper", "unet"), cells.set_index(["family", *CELL])[[*METRICS]]
     own = {
         name: found.reindex([(source(name, cell[0]), *cell) for cell in full.index]).set_axis(full.index)
         for name in FAMILIES
     }
-    return pd.concat({name: full + own[name] - own["paper"] for name in FAMILIES}, names=["family"])
+    return {name: full + own[name] - own["paper"] for name in FAMILIES}
+
+
+def beside_target(cells: pd.DataFrame) -> pd.DataFrame:
+    """Return the paper's rows, family `target`, and those of `estimates` of the families with cells of their own."""
+    own = {name: rows.dropna() for name, rows in estimates(cells).items() if name in set(cells["family"])}
+    return pd.concat({"target": papers("unet"), **own}, names=["family"]).reset_index()
 
 
 def screened(cells: pd.DataFrame) -> pd.DataFrame:
     """Return the settings of every family, the number of its known cells, and its misfits at 256 px, one row each."""
     rows = []
-    for name, own in estimates(cells).groupby(level="family", sort=False):
+    for name, own in estimates(cells).items():
         count = int(own["ssim"].notna().sum())
-        rows.append({"family": name, **_settings(FAMILIES[name]), "cells": count, **misfits(own.droplevel("family"))})
+        rows.append({"family": name, **_settings(FAMILIES[name]), "cells": count, **misfits(own)})
     return pd.DataFrame(rows)
 
 
@@ -154,15 +160,9 @@ def main() -> None:
     for name in options.families if options.train else ():
         train_missing(name, options.scale)
     cells = {scale: trained(scale) for scale in SETTINGS}
-    tables = {
-        "statistics": pd.concat(found),
-        "cells": pd.concat([cells[scale].assign(scale=scale) for scale in SETTINGS]),
-        "estimates": pd.concat(
-            [estimates(cells[scale]).dropna().assign(scale=scale) for scale in SETTINGS]
-        ).reset_index(),
-        "families": pd.concat([known(cells[scale]).assign(scale=scale) for scale in SETTINGS]),
-        "published": published(),
-    }
+    tables = {"statistics": pd.concat(found), "published": published()}
+    for table, made in {"cells": pd.DataFrame, "estimates": beside_target, "families": known}.items():
+        tables[table] = pd.concat([made(cells[scale]).assign(scale=scale) for scale in SETTINGS])
     print(tables["families"].to_string(float_format="{:.3f}".format), tables["published"].to_string(), sep="\n")
     if options.publish:
         TARGET.mkdir(exist_ok=True)
