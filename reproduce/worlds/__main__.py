@@ -3,7 +3,7 @@
     python -m reproduce.worlds [FAMILY ...] [--train] [--scale SCALE] [--publish]
 
 measures coverage, visibility and the SSIM of a map without obstacles at 256 px. With --train, it trains U-Net in each
-family: at scale screen, 64 px and 1,000 pairs, or at workstation256, beside the published study. The same call resumes.
+family: at scale screen, 64 px and 1,000 pairs, or beside the published study at 128 or 256 px. The same call resumes.
 A family is left as soon as its misfit cannot be half of the study's any more. With --publish, it writes what is there
 to reproduce/results/worlds. A small study is worse than a large one in the same worlds, so the misfit is that of the
 paper's protocol at 256 px plus the change from paper.yaml at the same scale.
@@ -42,7 +42,9 @@ PAIRS = 80  # of the statistics, per experiment
 SCREEN = "screen"
 SETTINGS = {
     SCREEN: ["scale=laptop", "scale.pairs={train: 1000, val: 64, test: 300}", "runtime.precision=bf16-mixed"],
-    "workstation256": ["scale=workstation256"],  # whose published study is in the worlds of paper.yaml
+    **{
+        scale: [f"scale={scale}"] for scale in ("workstation", "workstation256")
+    },  # published in the worlds of paper.yaml
 }
 # experiment and decay, those first that have ruled out most families
 CELLS = (("4", "true"), ("3", "false"), ("4", "false"), ("3", "true"), ("1", "true"), ("2", "true"))
@@ -90,7 +92,9 @@ def trained(scale: str) -> pd.DataFrame:
     """Return the metrics of U-Net in every cell that is evaluated, by family, experiment and encoding."""
     names = [name for name in FAMILIES if evaluated(name, scale)]
     rows = [read_results(Outputs(OUTPUTS / scale / name)).assign(family=name) for name in names]
-    rows += [] if scale == SCREEN else [ours(scale, "unet").reset_index().assign(family="paper", model="unet")]
+    rows += (
+        [] if scale == SCREEN or not names else [ours(scale, "unet").reset_index().assign(family="paper", model="unet")]
+    )
     rows = [table[table["model"] == "unet"] for table in rows]  # without the baselines
     return pd.concat(rows)[["family", *CELL, *METRICS]] if rows else pd.DataFrame(columns=["family", *CELL, *METRICS])
 
@@ -159,10 +163,10 @@ def main() -> None:
         print(found[-1].to_string(index=False, float_format="{:.3f}".format), flush=True)
     for name in options.families if options.train else ():
         train_missing(name, options.scale)
-    cells = {scale: trained(scale) for scale in SETTINGS}
+    cells = {scale: rows for scale in SETTINGS if len(rows := trained(scale))}
     tables = {"statistics": pd.concat(found), "published": published()}
-    for table, made in {"cells": pd.DataFrame, "estimates": beside_target, "families": known}.items():
-        tables[table] = pd.concat([made(cells[scale]).assign(scale=scale) for scale in SETTINGS])
+    for name, made in (("cells", pd.DataFrame), ("estimates", beside_target), ("families", known)):
+        tables[name] = pd.concat([made(rows).assign(scale=scale) for scale, rows in cells.items()])
     print(tables["families"].to_string(float_format="{:.3f}".format), tables["published"].to_string(), sep="\n")
     if options.publish:
         TARGET.mkdir(exist_ok=True)
