@@ -11,6 +11,7 @@ paper's protocol at 256 px plus the change from paper.yaml at the same scale.
 
 import argparse
 import dataclasses
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -26,7 +27,7 @@ from repro.maps.grid import Grid
 from repro.metrics.headings import METRICS
 from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import true_maps
-from repro.reporting.results import read_results
+from repro.reporting.results import read_results, read_rows
 from repro.runs.directories import Run
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status, environment
@@ -157,24 +158,31 @@ def main() -> None:
     parser.add_argument("--scale", choices=[*SETTINGS], default=SCREEN)
     parser.add_argument("--publish", action="store_true")
     options = parser.parse_args()
-    origin, found = environment(), []
-    for name in options.families:
-        found.append(statistics(name))
-        print(found[-1].to_string(index=False, float_format="{:.3f}".format), flush=True)
+    origins = {name: environment() for name in options.families}
+    found = pd.concat([statistics(name) for name in options.families])
+    print(found.to_string(index=False, float_format="{:.3f}".format), flush=True)
     for name in options.families if options.train else ():
         train_missing(name, options.scale)
     cells = {scale: rows for scale in SETTINGS if len(rows := trained(scale))}
-    tables = {"statistics": pd.concat(found), "published": published()}
+    tables = {"statistics": found, "published": published()}
     for name, made in (("cells", pd.DataFrame), ("estimates", beside_target), ("families", known)):
         tables[name] = pd.concat([made(rows).assign(scale=scale) for scale, rows in cells.items()])
     print(tables["families"].to_string(float_format="{:.3f}".format), tables["published"].to_string(), sep="\n")
     if options.publish:
-        TARGET.mkdir(exist_ok=True)
-        runs = [run for scale in SETTINGS for name in FAMILIES for run in evaluated(name, scale)]
-        origins = {str(run.path.relative_to(OUTPUTS)): dataclasses.asdict(run.provenance()) for run in runs}
-        write_json(TARGET / "provenance.json", {"statistics": origin, "runs": origins})
-        for name, table in tables.items():
-            write_text(TARGET / f"{name}.csv", table.round(6).to_csv(index=False))
+        publish(tables, origins)
+
+
+def publish(tables: dict[str, pd.DataFrame], origins: dict[str, dict[str, Any]]) -> None:
+    """Write tables and the origins of their statistics; the stored statistics of other families stay."""
+    before = read_rows(TARGET / "statistics.csv")
+    rows = pd.concat([before[~before["family"].isin(origins)], tables["statistics"]])
+    rows = rows.sort_values("family", key=lambda names: names.map([*FAMILIES].index), kind="stable")
+    origins = json.loads((TARGET / "provenance.json").read_text())["statistics"] | origins
+    runs = [run for scale in SETTINGS for name in FAMILIES for run in evaluated(name, scale)]
+    trainings = {str(run.path.relative_to(OUTPUTS)): dataclasses.asdict(run.provenance()) for run in runs}
+    write_json(TARGET / "provenance.json", {"statistics": origins, "runs": trainings})
+    for name, table in (tables | {"statistics": rows}).items():
+        write_text(TARGET / f"{name}.csv", table.round(6).to_csv(index=False))
 
 
 if __name__ == "__main__":
