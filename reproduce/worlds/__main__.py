@@ -3,7 +3,7 @@
     python -m reproduce.worlds [FAMILY ...] [--train] [--scale SCALE] [--publish]
 
 measures coverage, visibility and the SSIM of a map without obstacles at 256 px. With --train, it trains U-Net in each
-family: at scale screen, 64 px and 1,000 pairs, or at workstation256, beside the published study. The same call resumes.
+family: at scale screen, 64 px and 1,000 pairs, or beside the published study at 128 or 256 px. The same call resumes.
 A family is left as soon as its misfit cannot be half of the study's any more. With --publish, it writes what is there
 to reproduce/results/worlds. A small study is worse than a large one in the same worlds, so the misfit is that of the
 paper's protocol at 256 px plus the change from paper.yaml at the same scale.
@@ -11,6 +11,7 @@ paper's protocol at 256 px plus the change from paper.yaml at the same scale.
 
 import argparse
 import dataclasses
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -26,7 +27,7 @@ from repro.maps.grid import Grid
 from repro.metrics.headings import METRICS
 from repro.recordings.reader import open_recordings
 from repro.recordings.recorded import true_maps
-from repro.reporting.results import read_results
+from repro.reporting.results import read_results, read_rows
 from repro.runs.directories import Run
 from repro.runs.outputs import Outputs
 from repro.runs.provenance import Status, environment
@@ -34,7 +35,7 @@ from repro.simulation.recorder import record_experiment
 from repro.system.files import write_json, write_text
 from repro.worlds.spec import world_spec
 from reproduce.worlds.families import FAMILIES, MOVING, STATIC, Family, source, world_of
-from reproduce.worlds.misfit import CELL, RESULTS, misfits, ours, published
+from reproduce.worlds.misfit import CELL, RESULTS, misfits, ours, papers, published
 
 ROOT = Path(__file__).parents[2]
 OUTPUTS, TARGET = ROOT / "outputs" / "worlds", RESULTS / "worlds"
@@ -42,7 +43,9 @@ PAIRS = 80  # of the statistics, per experiment
 SCREEN = "screen"
 SETTINGS = {
     SCREEN: ["scale=laptop", "scale.pairs={train: 1000, val: 64, test: 300}", "runtime.precision=bf16-mixed"],
-    "workstation256": ["scale=workstation256"],  # whose published study is in the worlds of paper.yaml
+    **{
+        scale: [f"scale={scale}"] for scale in ("workstation", "workstation256")
+    },  # published in the worlds of paper.yaml
 }
 # experiment and decay, those first that have ruled out most families
 CELLS = (("4", "true"), ("3", "false"), ("4", "false"), ("3", "true"), ("1", "true"), ("2", "true"))
@@ -90,34 +93,42 @@ def trained(scale: str) -> pd.DataFrame:
     """Return the metrics of U-Net in every cell that is evaluated, by family, experiment and encoding."""
     names = [name for name in FAMILIES if evaluated(name, scale)]
     rows = [read_results(Outputs(OUTPUTS / scale / name)).assign(family=name) for name in names]
-    rows += [] if scale == SCREEN else [ours(scale, "unet").reset_index().assign(family="paper", model="unet")]
+    rows += (
+        [] if scale == SCREEN or not names else [ours(scale, "unet").reset_index().assign(family="paper", model="unet")]
+    )
     rows = [table[table["model"] == "unet"] for table in rows]  # without the baselines
     return pd.concat(rows)[["family", *CELL, *METRICS]] if rows else pd.DataFrame(columns=["family", *CELL, *METRICS])
 
 
-def estimates(cells: pd.DataFrame) -> pd.DataFrame:
-    """Return what U-Net would have by the paper's protocol at 256 px, by family, experiment and encoding.
+def estimates(cells: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Return for each family what U-Net would have by the paper's protocol at 256 px, by experiment and encoding.
 
     Args:
         cells: see `trained`.
 
     Returns:
-        the published row of paper.yaml plus the change from it in `cells`; nan where a cell is not trained.
+        the published rows of paper.yaml plus the change from it in `cells`; nan where a cell is not trained.
     """
     full, found = ours("paper", "unet"), cells.set_index(["family", *CELL])[[*METRICS]]
     own = {
         name: found.reindex([(source(name, cell[0]), *cell) for cell in full.index]).set_axis(full.index)
         for name in FAMILIES
     }
-    return pd.concat({name: full + own[name] - own["paper"] for name in FAMILIES}, names=["family"])
+    return {name: full + own[name] - own["paper"] for name in FAMILIES}
+
+
+def beside_target(cells: pd.DataFrame) -> pd.DataFrame:
+    """Return the paper's rows, family `target`, and those of `estimates` of the families with cells of their own."""
+    own = {name: rows.dropna() for name, rows in estimates(cells).items() if name in set(cells["family"])}
+    return pd.concat({"target": papers("unet"), **own}, names=["family"]).reset_index()
 
 
 def screened(cells: pd.DataFrame) -> pd.DataFrame:
     """Return the settings of every family, the number of its known cells, and its misfits at 256 px, one row each."""
     rows = []
-    for name, own in estimates(cells).groupby(level="family", sort=False):
+    for name, own in estimates(cells).items():
         count = int(own["ssim"].notna().sum())
-        rows.append({"family": name, **_settings(FAMILIES[name]), "cells": count, **misfits(own.droplevel("family"))})
+        rows.append({"family": name, **_settings(FAMILIES[name]), "cells": count, **misfits(own)})
     return pd.DataFrame(rows)
 
 
@@ -147,30 +158,31 @@ def main() -> None:
     parser.add_argument("--scale", choices=[*SETTINGS], default=SCREEN)
     parser.add_argument("--publish", action="store_true")
     options = parser.parse_args()
-    origin, found = environment(), []
-    for name in options.families:
-        found.append(statistics(name))
-        print(found[-1].to_string(index=False, float_format="{:.3f}".format), flush=True)
+    origins = {name: environment() for name in options.families}
+    found = pd.concat([statistics(name) for name in options.families])
+    print(found.to_string(index=False, float_format="{:.3f}".format), flush=True)
     for name in options.families if options.train else ():
         train_missing(name, options.scale)
-    cells = {scale: trained(scale) for scale in SETTINGS}
-    tables = {
-        "statistics": pd.concat(found),
-        "cells": pd.concat([cells[scale].assign(scale=scale) for scale in SETTINGS]),
-        "estimates": pd.concat(
-            [estimates(cells[scale]).dropna().assign(scale=scale) for scale in SETTINGS]
-        ).reset_index(),
-        "families": pd.concat([known(cells[scale]).assign(scale=scale) for scale in SETTINGS]),
-        "published": published(),
-    }
+    cells = {scale: rows for scale in SETTINGS if len(rows := trained(scale))}
+    tables = {"statistics": found, "published": published()}
+    for name, made in (("cells", pd.DataFrame), ("estimates", beside_target), ("families", known)):
+        tables[name] = pd.concat([made(rows).assign(scale=scale) for scale, rows in cells.items()])
     print(tables["families"].to_string(float_format="{:.3f}".format), tables["published"].to_string(), sep="\n")
     if options.publish:
-        TARGET.mkdir(exist_ok=True)
-        runs = [run for scale in SETTINGS for name in FAMILIES for run in evaluated(name, scale)]
-        origins = {str(run.path.relative_to(OUTPUTS)): dataclasses.asdict(run.provenance()) for run in runs}
-        write_json(TARGET / "provenance.json", {"statistics": origin, "runs": origins})
-        for name, table in tables.items():
-            write_text(TARGET / f"{name}.csv", table.round(6).to_csv(index=False))
+        publish(tables, origins)
+
+
+def publish(tables: dict[str, pd.DataFrame], origins: dict[str, dict[str, Any]]) -> None:
+    """Write tables and the origins of their statistics; the stored statistics of other families stay."""
+    before = read_rows(TARGET / "statistics.csv")
+    rows = pd.concat([before[~before["family"].isin(origins)], tables["statistics"]])
+    rows = rows.sort_values("family", key=lambda names: names.map([*FAMILIES].index), kind="stable")
+    origins = json.loads((TARGET / "provenance.json").read_text())["statistics"] | origins
+    runs = [run for scale in SETTINGS for name in FAMILIES for run in evaluated(name, scale)]
+    trainings = {str(run.path.relative_to(OUTPUTS)): dataclasses.asdict(run.provenance()) for run in runs}
+    write_json(TARGET / "provenance.json", {"statistics": origins, "runs": trainings})
+    for name, table in (tables | {"statistics": rows}).items():
+        write_text(TARGET / f"{name}.csv", table.round(6).to_csv(index=False))
 
 
 if __name__ == "__main__":
