@@ -384,7 +384,7 @@ def test_settings_have_their_turns_and_more_courses_change_nothing():
     assert set(few) < set(many)
     assert len(set(many)) == len(many) == 2 * 40 * 2
     for name in ("static", "fast"):
-        counts = pd.Series([label for experiment, _, label in many if experiment == name]).value_counts()
+        counts = pd.Series([label for _, experiment, _, label in many if experiment == name]).value_counts()
         assert counts.max() - counts.min() <= 2
         assert len(counts) == 7
     settings = {"inflation_m": 0.8, "weight": 100.0, "threshold": None}

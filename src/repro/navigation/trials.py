@@ -1,9 +1,9 @@
 """One mapper of the comparison: tuned on validation courses, driven on test courses.
 
-Each validation course is driven with two settings of a grid, all settings in turn, and then with one of the best
-quarter, as in successive halving (Jamieson and Talwalkar 2016). A Gaussian process smooths the scores over neighbors on
-the grid, with an effect of each course, and the setting with the largest one is chosen. So is one in every resample of
-the courses; those chosen often are driven on test courses, too, for the interval of the result.
+Each validation course is driven with two settings of a grid, all settings in turn, and if the grid is large, then with
+one of the best quarter, as in successive halving (Jamieson and Talwalkar 2016). A Gaussian process smooths the scores
+over neighbors on the grid, with an effect of each course, and the setting with the largest one is chosen. So is one in
+every resample of the courses; those chosen often are driven on test courses, too, for the interval of the result.
 
 Every episode is a row of one file, so that a run goes on where it was left.
 """
@@ -34,7 +34,7 @@ from repro.worlds.spec import WorldSpec
 INFLATIONS_M = (0.8, 1.6, 2.4, 3.2, 4.0, 4.8, 5.6)
 WEIGHTS = (1.0, 3.0, 10.0, 30.0, 100.0)
 BEYOND = {"inflation_m": (6.4,), "weight": (0.3, 300.0), "forgetting": (0.002,)}  # from the second round on, for edges
-KEPT = 0.25  # share of the settings of the first round that have a second one
+ENOUGH, KEPT = 20, 0.25  # tries of a setting after which there is no second round; share of the settings in one
 SMOOTHED = ("inflation_m", "weight", "age_s", "forgetting")  # settings whose neighbors are alike
 REACH, ALIKE = 2.0, 0.5  # of a neighbor, in steps of the grid; correlation of settings that differ in another axis
 SPREAD = 0.05  # of the scores of settings
@@ -148,12 +148,9 @@ class Trials:
         self.directory.mkdir(parents=True, exist_ok=True)
         self._check_courses()
         labels = labels_of(self.axes)
-        first = self._validate(labels, seeds.validation, TRIES[0])
-        count = math.ceil(KEPT * len(labels))
-        labels = labels_of({name: (*values, *BEYOND.get(name, ())) for name, values in self.axes.items()})
-        scores = Surface.of(first, labels).smoothed(np.ones((1, len(self.specs) * seeds.validation)))[0]
-        best = [labels[which] for which in np.argsort(-scores, kind="stable")[:count]]
-        self._validate(best, seeds.validation, TRIES[1])
+        first = self.episodes(design(labels, self.specs, seeds.validation, TRIES[0]))
+        if len(first) < ENOUGH * len(labels):
+            self.episodes(design(self._best(first, len(labels)), self.specs, seeds.validation, TRIES[1]))
         tested = Surface.of(self._known().query("split == 'validation'")).tested
         for label, count in zip(tested, [seeds.test] + [min(SHARED, seeds.test)] * (len(tested) - 1), strict=True):
             self.episodes([("test", name, number, label) for name in self.specs for number in range(count)])
@@ -164,9 +161,12 @@ class Trials:
         write_json(path, {"steps": steps})
         return settings_of(tested[0])
 
-    def _validate(self, labels: Sequence[str], count: int, tries: int) -> pd.DataFrame:
-        """Return the episodes of a round."""
-        return self.episodes([("validation", *trial) for trial in design(labels, self.specs, count, tries)])
+    def _best(self, first: pd.DataFrame, count: int) -> list[str]:
+        """Return the best of a number of settings after the first round, also beyond the edges of the grid."""
+        labels = labels_of({name: (*values, *BEYOND.get(name, ())) for name, values in self.axes.items()})
+        surface = Surface.of(first, labels)
+        (scores,) = surface.smoothed(np.ones((1, len(surface.driven))))
+        return [labels[which] for which in np.argsort(-scores, kind="stable")[: math.ceil(KEPT * count)]]
 
     def _check_courses(self) -> None:
         """Refuse to mix episodes, and write of what they are."""
@@ -210,22 +210,22 @@ class Trials:
         return rows.assign(split=splits, experiment=experiments, settings=labels, mapper=self.name)
 
 
-def design(labels: Sequence[str], experiments: Iterable[str], count: int, tries: int) -> list[tuple[str, int, str]]:
-    """Return which settings each validation course is driven with: experiment, number of the course, settings.
+def design(labels: Sequence[str], experiments: Iterable[str], count: int, tries: int) -> list[Wanted]:
+    """Return which settings each validation course is driven with.
 
     All settings of an experiment have their turn before one comes again; more courses change nothing for the others.
     """
-    found, tries = [], min(tries, len(labels))
+    found: list[Wanted] = []
     for place, experiment in enumerate(experiments):
         rng = np.random.default_rng(place)
         turns: list[int] = []
         for number in range(count):
             own: list[int] = []
-            while len(own) < tries:
+            while len(own) < min(tries, len(labels)):
                 turns += [] if set(turns) - set(own) else rng.permutation(len(labels)).tolist()
                 own.append(next(which for which in turns if which not in own))
                 turns.remove(own[-1])
-            found += [(experiment, number, labels[which]) for which in own]
+            found += [("validation", experiment, number, labels[which]) for which in own]
     return found
 
 

@@ -167,7 +167,7 @@ def _interval(name: str, prefix: str, values: pd.Series, shift: np.ndarray) -> d
 
 
 def surfaces_of(driven: pd.DataFrame) -> pd.DataFrame:
-    """Return the smoothed scores of all settings of each mapper, less the means of the courses, see `Surface`."""
+    """Return the smoothed scores of all settings of each mapper, see `Surface`."""
     rows = []
     for mapper, own in driven[driven["split"] == "validation"].groupby("mapper", sort=False):
         surface = Surface.of(own)
@@ -182,7 +182,7 @@ def surfaces_of(driven: pd.DataFrame) -> pd.DataFrame:
 def _draw(surfaces: pd.DataFrame, stem: Path) -> None:
     """Draw the best smoothed score over the inflation, and over the weight, one line per mapper."""
     with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(1, 2, figsize=(7.2, 4.0), sharey=True)
+        figure, axes = plt.subplots(1, 2, figsize=(7.2, 4.0), sharey=True, layout="constrained")
         for ax, (name, label) in zip(axes, {"inflation_m": "inflation [m]", "weight": "weight"}.items(), strict=True):
             for number, mapper in enumerate(mappers_of(surfaces["mapper"].unique())):
                 line = surfaces[surfaces["mapper"] == mapper].groupby(name)["score"].max()
@@ -190,6 +190,6 @@ def _draw(surfaces: pd.DataFrame, stem: Path) -> None:
                 ax.plot(line.index, line, label=title_of(mapper), **look)
             ax.set(xlabel=label)
         axes[1].set_xscale("log")
-        axes[0].set_ylabel("smoothed score, less the mean")
+        axes[0].set_ylabel("smoothed score")
         one_legend(figure, axes, rows=3)
         save(figure, stem)

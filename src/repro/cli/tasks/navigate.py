@@ -32,14 +32,14 @@ def run(job: Job) -> None:
     specs = {name: job.call.specs[name] for name in settings.experiments}
     seeds = Seeds(settings.validation_seeds, settings.test_seeds)
     grid = grid_of(job.config)
-    name, mapper = _mapper(job, grid, settings.mapper)
+    name, mapper = mapper_of(job, grid, settings.mapper)
     with few_threads():
         Trials(directory, name, mapper, specs, grid).run(seeds, environment())
     for row in write_results(directory, job.outputs.analysis).itertuples():
         print(f"{row.experiment:8} {row.title:40} success {row.success:.3f} [{row.low:.3f}, {row.high:.3f}]")
 
 
-def _mapper(job: Job, grid: "Grid", name: str) -> tuple[str, "Mapper"]:
+def mapper_of(job: Job, grid: "Grid", name: str) -> tuple[str, "Mapper"]:
     """Return the name and the mapper of a call; that of a network has the name of its architecture and encoding."""
     from repro.baselines.registry import TRACKER
     from repro.evaluation.scoring import evaluate_baseline
