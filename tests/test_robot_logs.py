@@ -286,8 +286,8 @@ def test_hits_on_people_are_told_from_those_on_what_stands(monkeypatch):
 
 @pytest.mark.slow
 def test_a_network_is_adapted_to_logs_of_other_places_and_compared(logs, tmp_path, monkeypatch):
-    monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, max_epochs=1, learning_rate=1e-4))
-    for name, value in {"TRAINED_WINDOWS": 1, "MAX_WINDOWS": 8, "DRAWS": 2}.items():
+    monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, learning_rate=1e-4))
+    for name, value in {"EPOCHS": (1,), "TRAINED_WINDOWS": 1, "MAX_WINDOWS": 8, "DRAWS": 2}.items():
         monkeypatch.setattr(adaptation, name, value)
     monkeypatch.setattr(real_logs, "PLACES", ("dense", "sparse"))
     monkeypatch.setattr(real_logs, "MAX_WINDOWS", 12)

@@ -75,9 +75,9 @@ def labels_of(path: Path, weights: str, seed: int) -> tuple[Labeled, Labeled]:
 
 
 @cache
-def rehearsed_of(weights: str, windows: int) -> Labeled:
-    """Record the simulated windows for so many windows of logs."""
-    return rehearsed(started(weights), windows)
+def rehearsed_of(weights: str, windows: int) -> tuple[Labeled, ...]:
+    """Record the simulated windows of each round for so many windows of logs."""
+    return tuple(rehearsed(started(weights), windows))
 
 
 def started(weights: str) -> Predictor:

@@ -17,7 +17,7 @@ from repro.learning.held_out import View, labeled, turns_of
 from repro.learning.labels import MOVER, UNKNOWN, Labeled
 from repro.learning.networks.trained import load_trained, module_of
 from repro.learning.platt import calibrate
-from repro.learning.rehearsal import SHARE, rehearsed
+from repro.learning.rehearsal import SHARES, recorded, rehearsed
 from repro.logs.options import window_of
 from repro.logs.scan_log import ScanLog
 from repro.maps.series import Series
@@ -46,7 +46,8 @@ def short_schedule(monkeypatch):
     monkeypatch.setattr(adaptation, "MAX_WINDOWS", 8)
     monkeypatch.setattr(adaptation, "DRAWS", 3)
     monkeypatch.setattr(adaptation, "TRAINED_WINDOWS", 1)
-    monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, max_epochs=1, learning_rate=1e-4))
+    monkeypatch.setattr(adaptation, "EPOCHS", (1,))
+    monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, learning_rate=1e-4))
 
 
 @pytest.mark.parametrize(("sees_deg", "turns_deg"), [(180, [-45, 0, 45]), (270, [-90, -45, 0, 45, 90])])
@@ -137,7 +138,7 @@ def test_a_calibrated_network_has_the_frequencies_of_the_labels():
 
 
 def test_simulated_windows_have_the_robot_in_the_middle_and_nothing_known_outside():
-    simulated = rehearsed(PREDICTOR, round(6 / SHARE))
+    simulated = recorded(PREDICTOR, 6)
     codes = simulated.pairs.maps[:, 0]
     assert isinstance(simulated, Labeled)
     assert set((codes & ~MOVER).unique().tolist()) <= {0, 1, UNKNOWN, HIDDEN, 1 + HIDDEN}
@@ -145,6 +146,12 @@ def test_simulated_windows_have_the_robot_in_the_middle_and_nothing_known_outsid
     outside = (codes == UNKNOWN).float().mean((1, 2))
     assert ((outside > 0) & (outside < 0.8)).all()  # of the world
     assert 0.002 < (codes == 0).float().sum() / (codes < HIDDEN).float().sum() < 0.5
+
+
+def test_each_round_rehearses_in_windows_of_its_own(monkeypatch):
+    monkeypatch.setattr(rehearsal, "recorded", lambda predictor, count: count)
+    assert list(rehearsed(PREDICTOR, 100)) == [round(100 * share) for share in SHARES]
+    assert len(SHARES) == len(adaptation.EPOCHS)
 
 
 def test_where_something_that_moves_can_be_is_marked():
@@ -174,7 +181,8 @@ def test_statistics_are_widened_and_keep_their_median():
 def test_an_adapted_network_predicts_the_held_out_beams_better(log, short_schedule, monkeypatch):
     monkeypatch.setattr(adaptation, "MAX_WINDOWS", 40)
     monkeypatch.setattr(adaptation, "VALIDATION_SHARE", 0.4)
-    monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, max_epochs=3, ema_decay=0.9))
+    monkeypatch.setattr(adaptation, "EPOCHS", (2, 1))
+    monkeypatch.setattr(adaptation, "SCHEDULE", replace(adaptation.SCHEDULE, ema_decay=0.9))
     before = {name: value.clone() for name, value in module_of(PREDICTOR).state_dict().items()}
     data = [label(log, window_of(PREDICTOR), PREDICTOR, View(), seed=0)]
     adapted, loss, less = adapt(PREDICTOR, data, seed=0)

@@ -3,15 +3,17 @@
 Beams show the near side of what they hit, so a network that learned from logs alone would forget the far side of
 people, and where they may have gone. It therefore rehearses in simulated worlds, whose maps are known as a whole.
 
-The last fifth of each log is for validation, or a part of little more than a window if that is longer. The weights are
-those of the epoch with the least validation loss.
+The last fifth of each log is for validation, or a part of little more than a window if that is longer. Of each round,
+the weights of the epoch with the least validation loss are kept and calibrated.
 """
 
 import copy
 import functools
 import math
 import tempfile
+from collections.abc import Iterable
 from dataclasses import replace
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +43,8 @@ from repro.system.errors import InputError
 DRAWS, STANDING_DRAWS = 12, 3  # directions of the view of each log; a view that swings is in all of them in turn
 MAX_WINDOWS = 60  # of each view, so that no log outweighs others; they are drawn from up to twice as many
 VALIDATION_SHARE, VALIDATION_WINDOWS = 0.2, 1.2  # of each log, at its end, but no less than so many windows
-TRAINED_WINDOWS = 10_000  # of logs in all epochs, but at least one: short logs are repeated, the best epoch is kept
+EPOCHS = 2, 1  # of each round, in which the learning rate rises and falls; the second has more simulated windows
+TRAINED_WINDOWS = 10_000  # of logs in all epochs at least: short logs are repeated, the best epoch is kept
 MOVER_WEIGHT = 5.0
 WARM_UP = 0.1  # of the training, in which the learning rate rises before it falls to zero
 SCHEDULE = Training(  # ours
@@ -162,7 +165,7 @@ def _labeled(windows: list[tuple[Scans, Observed]], predictor: Predictor) -> Lab
 def adapt(
     predictor: Predictor,
     logs: list[tuple[Labeled, Labeled]],
-    simulated: Labeled | None = None,
+    simulated: Iterable[Labeled | None] = repeat(None),
     *,
     seed: int = 0,
     device: str = "cpu",
@@ -173,7 +176,7 @@ def adapt(
     Args:
         predictor: the network; it is not changed.
         logs: the windows of each log for training and validation, see `label`.
-        simulated: windows in which the network rehearses, see `rehearsal.rehearsed`; None for none.
+        simulated: windows in which the network rehearses in each round, see `rehearsal.rehearsed`; none by default.
         seed: seed of the order.
         device: cpu or cuda.
         precision: 32-true or bf16-mixed.
@@ -185,27 +188,36 @@ def adapt(
         InputError: the network cannot be trained, or the validation loss does not fall.
     """
     first, last = (list(part) for part in zip(*logs, strict=True))
-    train, val = _joined(first + [simulated] * (simulated is not None), device), _joined(last, device)
+    val = _joined(last, device)
     network = copy.deepcopy(module_of(predictor))
     if isinstance(network, ConvGRU) and not (network.centered or predictor.has_fixed):
         network = network.with_distances()
     network.to(device)
     accelerate(network, device)
-    epochs = max(SCHEDULE.max_epochs, round(TRAINED_WINDOWS / sum(len(labeled.pairs) for labeled in first)))
-    module = AdaptationModule(network, train, val, replace(SCHEDULE, max_epochs=epochs), seed, PartialLoss())
-    before = _validation_loss(module)
-    with tempfile.TemporaryDirectory(prefix="adaptation-") as directory:
-        fit(module, Path(directory), device, precision)
-        load_best(module, Path(directory))
-    module.to(device)
-    calibrate(module.network, val)
-    after = _validation_loss(module)
+    times = max(1, round(TRAINED_WINDOWS / (sum(EPOCHS) * sum(len(labeled.pairs) for labeled in first))))
+    losses = []
+    for number, (epochs, own) in enumerate(zip(EPOCHS, simulated, strict=False)):
+        train = _joined([*first, own] if own else first, device)
+        settings = replace(SCHEDULE, max_epochs=times * epochs)
+        module = AdaptationModule(network, train, val, settings, seed + number, PartialLoss())
+        losses.append(_validation_loss(module))
+        _train(module, val, device, precision)
+    before, after = losses[0], _validation_loss(module)
     if not after < before:
         raise InputError(f"the validation loss does not fall on these logs: {before:.4f} before, {after:.4f} adapted")
     known = [predictor.statistics] if predictor.statistics else []
     statistics = functools.reduce(Statistics.widened, [*known, *(labeled.statistics for labeled in first)])
     adapted = replace(predictor, network=TorchNetwork(network), statistics=statistics, is_centered=is_centered(network))
     return adapted, before, after
+
+
+def _train(module: TrainingModule, val: Pairs, device: str, precision: str) -> None:
+    """Train and calibrate a network."""
+    with tempfile.TemporaryDirectory(prefix="adaptation-") as directory:
+        fit(module, Path(directory), device, precision)
+        load_best(module, Path(directory))
+    module.to(device)
+    calibrate(module.network, val)
 
 
 def _joined(parts: list[Labeled], device: str) -> Pairs:

@@ -26,7 +26,7 @@ WORLDS = {  # and their experiments: how many of six windows each has; the first
     ("places", "people"): 2,
     ("rooms", "crossing"): 3,
 }
-SHARE = 0.4  # of the windows of logs
+SHARES = (0.4, 1.0)  # of the windows of logs, in each round of an adaptation
 ATTEMPTS = 4  # recordings of an open world; the first in which somebody has just left the view is taken
 LATELY_STEPS = 20  # in which a mover that counts was in view
 SLACK_M = 0.5  # added to the distance that a mover can have covered
@@ -47,16 +47,21 @@ class SeenMover:
     is_lost: bool
 
 
-def rehearsed(predictor: Predictor, windows_of_logs: int) -> Labeled:
-    """Record a window in each of some worlds, with the robot in the middle of its map.
+def rehearsed(predictor: Predictor, windows_of_logs: int) -> Iterator[Labeled]:
+    """Record windows for each round of an adaptation, `SHARES` as many as there are of logs.
 
     Args:
         predictor: encoding and grid.
-        windows_of_logs: number of windows of logs; of simulated ones there are `SHARE` as many.
+        windows_of_logs: number of windows of logs.
     """
+    for share in SHARES:
+        yield recorded(predictor, round(share * windows_of_logs))
+
+
+def recorded(predictor: Predictor, count: int) -> Labeled:
+    """Record a window in each of so many worlds, with the robot in the middle of its map."""
     specs = [spec for (name, experiment), number in WORLDS.items() for spec in [_spec(name, experiment)] * number]
     windows, labels = list[Scans](), list[np.ndarray]()
-    count = round(SHARE * windows_of_logs)
     for seed in progress(range(count), "recording simulated worlds"):
         spec = specs[seed % len(specs)]
         recording = _recorded(spec, range(seed, seed + ATTEMPTS * count, count))
