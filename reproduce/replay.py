@@ -60,7 +60,7 @@ def main() -> None:
     with composed(parsed) as jobs:
         job = Job(read_calls(parsed, jobs)[0])
     rows = pd.read_csv(ANALYSIS / "navigation.csv").query("experiment == 'all'").set_index("mapper")
-    network = next(name for name in rows.index if "-" in name)
+    network = next(name for name in map(str, rows.index) if "-" in name)
     best = next(name for name in BEST_OF if name in rows.index and not rows.loc[name, "difference_high"])
     test = pd.read_csv(ANALYSIS / "navigation_episodes.csv").query("split == 'test' and experiment == @WORLD")
     ends = {
