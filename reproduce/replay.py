@@ -22,7 +22,7 @@ from repro.maps.outlines import placed
 from repro.navigation.courses import Course, sample_course
 from repro.navigation.episodes import EVERY, Fleet
 from repro.navigation.mappers import Seen
-from repro.navigation.trials import settings_of
+from repro.navigation.surfaces import settings_of
 from repro.recordings.datasets import grid_of
 from repro.reporting.navigation_tables import BEST_OF, title_of
 from repro.reporting.plots import ACCENT, INK, STYLE

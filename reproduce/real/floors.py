@@ -55,12 +55,8 @@ def windows(
     log = driven(is_wall, path_through(is_clear), view)
     for window in cut(log, settings, stride_s, grid.size_m):
         assert isinstance(window, Window), "a drive has no gaps"
-        row, column = ((grid.centers() + window.origin) / CELL_M).astype(int).T[::-1]
-        is_inside = (row >= 0) & (row < is_wall.shape[0]) & (column >= 0) & (column < is_wall.shape[1])
-        row, column = row.clip(0, is_wall.shape[0] - 1), column.clip(0, is_wall.shape[1] - 1)
-        known = is_inside & is_known[row, column]
-        shape = grid.size_px, grid.size_px
-        yield window, Observed(*((known & which[row, column]).reshape(shape) for which in (is_wall, is_free)))
+        places = (grid.centers() + window.origin)[:, ::-1].T.reshape(2, grid.size_px, grid.size_px)
+        yield window, Observed(*(_at(is_known & which, places) for which in (is_wall, is_free)))
 
 
 def path_through(is_clear: np.ndarray) -> np.ndarray:
@@ -101,8 +97,13 @@ def cast(is_wall: np.ndarray, pose: np.ndarray, angles: np.ndarray, range_max_m:
     """Return the distances to the first wall along beams [m], (N,), float32; a miss is inf."""
     distances = np.arange(MARCHED_M, range_max_m, MARCHED_M)
     directions = np.stack([np.sin(angles + pose[2]), np.cos(angles + pose[2])])  # row, column
-    cells = ((pose[1::-1, None, None] + directions[..., None] * distances) / CELL_M).astype(int)
-    limits = np.array(is_wall.shape)[:, None, None]
-    is_inside = ((cells >= 0) & (cells < limits)).all(0)
-    is_hit = is_inside & is_wall[tuple(cells.clip(0, limits - 1))]
+    is_hit = _at(is_wall, pose[1::-1, None, None] + directions[..., None] * distances)
     return np.where(is_hit.any(-1), distances[is_hit.argmax(-1)], np.inf).astype(np.float32)
+
+
+def _at(is_marked: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return whether the cells of a plan (H, W) at places y, x [m], (2, ...), are marked; none is outside of it."""
+    cells = (places / CELL_M).astype(int)
+    limits = np.array(is_marked.shape).reshape(2, *[1] * (cells.ndim - 1))
+    is_inside = ((cells >= 0) & (cells < limits)).all(0)
+    return is_inside & is_marked[tuple(cells.clip(0, limits - 1))]

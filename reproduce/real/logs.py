@@ -130,9 +130,7 @@ def fold_of(path: Path) -> int | None:
 
 def cases_of(path: Path, predictor: Predictor) -> Iterator[Case]:
     """Yield the windows of a log of a driving robot, of one of a standing lidar (ROS 1 bag), or of a floor."""
-    if is_floor(path):
-        return on_floor(path, predictor)
-    return (standing if is_standing(path) else driving)(path, predictor)
+    return {"simulated": on_floor, "stands": standing, "drives": driving}[kind_of(path)](path, predictor)
 
 
 def driving(path: Path, predictor: Predictor) -> Iterator[Case]:

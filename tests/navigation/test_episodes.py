@@ -18,12 +18,12 @@ from repro.cli.settings import MAPPERS
 from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.maps.outlines import placed
-from repro.navigation import trials
+from repro.navigation import surfaces, trials
 from repro.navigation.courses import LIMIT_STEPS, TURN_STEPS, WAY, Course, sample_course
 from repro.navigation.episodes import FAR_M, Fleet, moved, nearest
 from repro.navigation.mappers import AHEAD_S, CLASSICAL, Mapper, Seen, network_mapper, tracker_mapper
 from repro.navigation.planner import Planner, Settings, arcs
-from repro.reporting.navigation_tables import TITLES, barn, compare_mappers
+from repro.reporting.navigation_tables import TITLES, barn, compare_mappers, mapper_results
 from repro.simulation.simulator import make
 from repro.system.errors import InputError
 from repro.system.files import read_mapping
@@ -345,7 +345,7 @@ def fake(self, keys):
     rows = []
     for split, experiment, seed, label in keys:
         values = {"time_s": 20.0, "path_m": 30.0, "way_m": 30.0, "split": split, "experiment": experiment}
-        settings = trials.settings_of(label)
+        settings = surfaces.settings_of(label)
         inflation_m = settings["inflation_m"] if settings["weight"] == 20.0 else np.inf
         reached = inflation_m == 0.8 or (inflation_m == 1.6 and seed % 10_000 < 10)
         rows.append({**values, "seed": seed, "settings": label, "outcome": "goal" if reached else "timeout"})
@@ -363,7 +363,7 @@ def test_a_study_goes_on_where_it_was_left(tmp_path, monkeypatch):
     driven.clear()
     assert own.run(trials.Seeds(validation=20, test=3), {"commit": "1"}) == {"inflation_m": 0.8, "weight": 20.0}
     first = 2 * 20 * trials.TRIES[0]
-    settings = [trials.settings_of(key[3]) for key in driven[first:] if key[0] == "validation"]
+    settings = [surfaces.settings_of(key[3]) for key in driven[first:] if key[0] == "validation"]
     assert {own["inflation_m"] for own in settings} == {0.8}, "the best quarter, with weights beyond the grid"
     assert {own["weight"] for own in settings} in ({0.3, 20.0}, {20.0, 300.0})
     before = len(driven)
@@ -388,7 +388,7 @@ def test_settings_have_their_turns_and_more_courses_change_nothing():
         assert counts.max() - counts.min() <= 2
         assert len(counts) == 7
     settings = {"inflation_m": 0.8, "weight": 100.0, "threshold": None}
-    assert trials.settings_of(trials.label_of(settings)) == {"inflation_m": 0.8, "weight": 100.0}
+    assert surfaces.settings_of(surfaces.label_of(settings)) == {"inflation_m": 0.8, "weight": 100.0}
 
 
 def test_scores_are_smoothed_by_a_gaussian_process():
@@ -401,13 +401,13 @@ def test_scores_are_smoothed_by_a_gaussian_process():
         for seed in range(20)
         if inflation_m < 3 or seed % 4
     ]
-    surface = trials.Surface.of(pd.DataFrame(rows))
+    surface = surfaces.Surface.of(pd.DataFrame(rows))
     noise = (surface.deviations**2).sum() / (len(rows) - 20) + 1e-6
     setting, course = np.zeros((len(rows), 7)), np.zeros((len(rows), 20))
     for index, row in enumerate(rows):
         setting[index, surface.labels.index(row["settings"])] = course[index, row["seed"]] = 1
     score = np.array([float(row["outcome"] == "goal") for row in rows])
-    prior = trials.SPREAD**2 * RBF(trials.REACH)(np.arange(7.0)[:, None])
+    prior = surfaces.SPREAD**2 * RBF(surfaces.REACH)(np.arange(7.0)[:, None])
     within = setting @ prior @ setting.T + 1e5 * course @ course.T + noise * np.eye(len(rows))
     gains = prior @ setting.T @ np.linalg.solve(within, score)
     level = np.mean((score - setting @ gains) @ course / course.sum(0))
@@ -415,9 +415,9 @@ def test_scores_are_smoothed_by_a_gaussian_process():
     assert surface.chosen[0] == "inflation_m=4.8 weight=3 threshold=0.1"
     assert surface.tested[0] == surface.chosen[0]
     other = pd.DataFrame(rows).assign(settings=lambda rows: rows["settings"].str.replace("=0.1", "=0.2"))
-    both = trials.Surface.of(pd.concat([pd.DataFrame(rows), other], ignore_index=True))
+    both = surfaces.Surface.of(pd.concat([pd.DataFrame(rows), other], ignore_index=True))
     same = np.array(["threshold=0.1" in label for label in both.labels])
-    assert both.kernel[same][:, ~same] == pytest.approx(trials.ALIKE * both.kernel[same][:, same])
+    assert both.kernel[same][:, ~same] == pytest.approx(surfaces.ALIKE * both.kernel[same][:, same])
 
 
 def test_arms_are_compared_on_the_same_courses():
@@ -431,7 +431,7 @@ def test_arms_are_compared_on_the_same_courses():
                 {"experiment": "fast", "mapper": mapper, "seed": seed, "moving_share": 1.0, **driven, **end, **known}
             )
     validation = [{**row, "split": "validation"} for row in rows]
-    found = compare_mappers(pd.DataFrame(rows + validation))
+    found = compare_mappers(mapper_results(pd.DataFrame(rows + validation)))
     whole, found = (found[found["experiment"] == name].set_index("mapper") for name in ("all", "fast"))
     assert whole.drop(columns="experiment").equals(found.drop(columns="experiment")), "there is one experiment"
     assert found.loc["convgru-series10", "title"] == "ConvGRU, series10"
@@ -453,7 +453,8 @@ def test_the_choice_of_the_settings_is_in_the_interval():
             known = {"split": split, "seed": seed, "settings": f"inflation_m={inflation_m:g} weight=3"}
             rows.append(known | {"experiment": "fast", "mapper": "keep", "outcome": "goal" if reached else "timeout"})
     fixed = {"time_s": 25.0, "speed_m_s": 2.0, "path_m": 50.0, "way_m": 40.0, "clearance_m": 1.0, "moving_share": 1.0}
-    (whole, _) = compare_mappers(pd.DataFrame(rows).assign(**fixed, contact="", stood=False)).itertuples()
+    driven = pd.DataFrame(rows).assign(**fixed, contact="", stood=False)
+    (whole, _) = compare_mappers(mapper_results(driven)).itertuples()
     assert whole.settings == "inflation_m=1.6 weight=3"
     assert (whole.success, whole.low, whole.high) == (1.0, 0.0, 1.0)
     assert whole.covered == 1.0

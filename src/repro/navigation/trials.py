@@ -12,8 +12,6 @@ import dataclasses
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +19,10 @@ import numpy as np
 import pandas as pd
 
 from repro.maps.grid import Grid
-from repro.metrics.bootstrap import draw_weights
 from repro.navigation.courses import Course, sample_course
 from repro.navigation.episodes import Fleet
 from repro.navigation.mappers import Mapper
+from repro.navigation.surfaces import Settings, Surface, labels_of, settings_of
 from repro.recordings.format import spec_fingerprint
 from repro.system.errors import InputError
 from repro.system.files import read_mapping, write_json, write_text
@@ -35,20 +33,14 @@ INFLATIONS_M = (0.8, 1.6, 2.4, 3.2, 4.0, 4.8, 5.6)
 WEIGHTS = (1.0, 3.0, 10.0, 30.0, 100.0)
 BEYOND = {"inflation_m": (6.4,), "weight": (0.3, 300.0), "forgetting": (0.002,)}  # from the second round on, for edges
 ENOUGH, KEPT = 20, 0.25  # tries of a setting after which there is no second round; share of the settings in one
-SMOOTHED = ("inflation_m", "weight", "age_s", "forgetting")  # settings whose neighbors are alike
-REACH, ALIKE = 2.0, 0.5  # of a neighbor, in steps of the grid; correlation of settings that differ in another axis
-SPREAD = 0.05  # of the scores of settings
 TRIES = 2, 1  # settings of each validation course in the two rounds
-OFTEN, MOST = 0.05, 2  # share of the resamples in which a setting is chosen that is tested, and number of these
-SHARED = 100  # test courses per experiment on which they are driven
+SHARED = 100  # test courses per experiment for settings that are not the chosen one
 BATCH = 150  # courses that are driven at the same time
 FIRST = {"validation": 0, "test": 10_000}  # number of the first course of a split
 EPISODES, ORIGIN = "episodes.csv", "provenance.json"  # files of a mapper
 INDEX = ["split", "experiment", "seed", "settings"]  # columns that name an episode
 COURSES = "courses.json"  # what the episodes of a mapper are of
-SPL_SHARE = 0.1  # of the length of the path in what is tuned; the rest is the success
 
-Settings = dict[str, Any]
 Wanted = tuple[str, str, int, str]  # split, experiment, number of the course, label of the settings
 
 
@@ -58,64 +50,6 @@ class Seeds:
 
     validation: int
     test: int
-
-
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """The scores of S settings on C validation courses.
-
-    Args:
-        labels: of the settings, (S,).
-        means: mean scores of the courses, (C,).
-        deviations: scores less these, 0 where a course was not driven, (C, S).
-        driven: 1 where it was, else 0, (C, S).
-        kernel: correlations of the scores of settings, (S, S).
-    """
-
-    labels: Sequence[str]
-    means: np.ndarray
-    deviations: np.ndarray
-    driven: np.ndarray
-    kernel: np.ndarray
-
-    @classmethod
-    def of(cls, validation: pd.DataFrame, labels: Sequence[str] | None = None) -> "Surface":
-        """Gather the episodes on validation courses, for their settings or for those of the labels."""
-        score = (validation["outcome"] == "goal") + SPL_SHARE * spl(validation)
-        table = validation.assign(score=score).pivot(index=["experiment", "seed"], columns="settings", values="score")
-        means = table.mean(axis=1)
-        own = list(map(str, table) if labels is None else labels)
-        table = table.sub(means, axis=0).reindex(columns=own)
-        axes = pd.DataFrame(map(settings_of, own))
-        ranks = axes.rank(method="dense").fillna(0).to_numpy()
-        apart = ranks[:, None] - ranks
-        smooth = axes.columns.isin(SMOOTHED)
-        near = np.exp(-np.square(apart[..., smooth] / REACH).sum(-1) / 2)
-        kernel = near * ALIKE ** (apart[..., ~smooth] != 0).sum(-1)
-        return cls(own, means.to_numpy(), table.fillna(0).to_numpy(), table.notna().to_numpy(float), kernel)
-
-    def smoothed(self, weights: np.ndarray) -> np.ndarray:
-        """Return the smoothed scores of the settings, (draws, S), given the weights of the courses, (draws, C)."""
-        prior = SPREAD**2 * self.kernel
-        noise = np.square(self.deviations).sum() / max(self.driven.sum() - len(self.driven), 1) + 1e-6
-        share = self.driven / self.driven.sum(1, keepdims=True)
-        scores = []
-        for own in weights:
-            counts = np.diag(own @ self.driven) - (own[:, None] * self.driven).T @ share
-            gains = prior @ np.linalg.solve(counts @ prior + noise * np.eye(len(prior)), own @ self.deviations)
-            scores.append(own @ (self.means - share @ gains) / own.sum() + gains)
-        return np.array(scores)
-
-    @cached_property
-    def chosen(self) -> np.ndarray:
-        """The labels of the settings that are chosen with all courses, then in each resample, (draws + 1,)."""
-        return np.array(self.labels, dtype=object)[self.smoothed(draw_weights(len(self.driven))).argmax(1)]
-
-    @property
-    def tested(self) -> list[str]:
-        """The labels of the settings that are chosen often, that of all courses first."""
-        shares = pd.Series(self.chosen[1:]).value_counts(normalize=True).drop(self.chosen[0], errors="ignore")
-        return [self.chosen[0], *shares.index[shares >= OFTEN][:MOST]]
 
 
 class Trials:
@@ -164,9 +98,8 @@ class Trials:
     def _best(self, first: pd.DataFrame, count: int) -> list[str]:
         """Return the best of a number of settings after the first round, also beyond the edges of the grid."""
         labels = labels_of({name: (*values, *BEYOND.get(name, ())) for name, values in self.axes.items()})
-        surface = Surface.of(first, labels)
-        (scores,) = surface.smoothed(np.ones((1, len(surface.driven))))
-        return [labels[which] for which in np.argsort(-scores, kind="stable")[: math.ceil(KEPT * count)]]
+        order = np.argsort(-Surface.of(first, labels).scores, kind="stable")
+        return [labels[which] for which in order[: math.ceil(KEPT * count)]]
 
     def _check_courses(self) -> None:
         """Refuse to mix episodes, and write of what they are."""
@@ -227,24 +160,3 @@ def design(labels: Sequence[str], experiments: Iterable[str], count: int, tries:
                 turns.remove(own[-1])
             found += [("validation", experiment, number, labels[which]) for which in own]
     return found
-
-
-def labels_of(axes: Mapping[str, Sequence[float | None]]) -> list[str]:
-    """Return the names of all settings of a grid."""
-    return [label_of(dict(zip(axes, values, strict=True))) for values in product(*axes.values())]
-
-
-def label_of(settings: Settings) -> str:
-    """Return the name of settings; those that are None are left out."""
-    return " ".join(f"{name}={value:g}" for name, value in settings.items() if value is not None)
-
-
-def settings_of(label: str) -> Settings:
-    """Return the settings of a name, see `label_of`."""
-    return {name: float(value) for name, value in (word.split("=") for word in label.split())}
-
-
-def spl(episodes: pd.DataFrame) -> pd.Series:
-    """Return the success weighted by path length of every episode (Anderson et al. 2018)."""
-    reached = episodes["outcome"] == "goal"
-    return reached * episodes["way_m"] / np.maximum(episodes["path_m"], episodes["way_m"])

@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 
 from repro.metrics.bootstrap import bounds, draw_weights
-from repro.navigation.trials import EPISODES, ORIGIN, Surface, settings_of, spl
+from repro.navigation.surfaces import Surface, settings_of, spl
+from repro.navigation.trials import EPISODES, ORIGIN
 from repro.reporting.names import predictor_title
 from repro.reporting.plots import INK, MARKERS, STYLE, one_legend, save
 from repro.system.files import read_mapping, write_json, write_text
@@ -42,7 +43,8 @@ def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
     """
     mappers = mappers_of(path.parent.name for path in episodes.glob(f"*/{ORIGIN}"))
     driven = pd.concat([pd.read_csv(episodes / mapper / EPISODES) for mapper in mappers], ignore_index=True)
-    results, surfaces = compare_mappers(driven), surfaces_of(driven)
+    found = mapper_results(driven)
+    results, surfaces = compare_mappers(found), surfaces_of(found)
     analysis.mkdir(parents=True, exist_ok=True)
     for stem, table in {"": results, "_surfaces": surfaces, "_episodes": driven}.items():
         write_text(analysis / f"navigation{stem}.csv", table.to_csv(index=False, float_format="%.4g"))
@@ -57,7 +59,7 @@ class MapperResult:
     """What the robots with one mapper reached.
 
     Args:
-        score: the largest smoothed score of settings on the validation courses.
+        surface: the scores of its settings on the validation courses.
         settings: of the planner and the mapper, chosen with all validation courses.
         test: episodes with them on the test courses.
         shifts: success with the settings of each resample of the validation courses less that with these, on the test
@@ -65,7 +67,7 @@ class MapperResult:
         covered: share of the resamples whose settings were driven on test courses; the others have no shift.
     """
 
-    score: float
+    surface: Surface
     settings: str
     test: pd.DataFrame
     shifts: Mapping[str, np.ndarray]
@@ -86,20 +88,23 @@ class MapperResult:
                 drawn = draw_weights(len(own)) @ own / len(own)
                 shifts[name] += np.where(surface.chosen == label, drawn, 0.0)
         covered = float(np.isin(surface.chosen[1:], by_course.columns).mean())
-        score = float(surface.smoothed(np.ones((1, len(surface.driven)))).max())
-        return cls(score, settings, test[test["settings"] == settings], shifts, covered)
+        return cls(surface, settings, test[test["settings"] == settings], shifts, covered)
 
 
-def compare_mappers(driven: pd.DataFrame) -> pd.DataFrame:
+def mapper_results(driven: pd.DataFrame) -> dict[str, MapperResult]:
+    """Return what the robots reached, by mapper, from the episodes of all mappers."""
+    return {str(mapper): MapperResult.of(own) for mapper, own in driven.groupby("mapper", sort=False)}
+
+
+def compare_mappers(found: Mapping[str, MapperResult]) -> pd.DataFrame:
     """Return one row per experiment and mapper, and one for all experiments: how well the robots drove.
 
     Intervals are over the test courses and the choice of the settings. Differences are those to the classical mapper
     that is best on the validation courses, on the test courses that both have; that of the time is over the courses
     where both succeed; those that are `fixed` have no choice in them.
     """
-    found = {mapper: MapperResult.of(own) for mapper, own in driven.groupby("mapper", sort=False)}
     classical = [mapper for mapper in BEST_OF if mapper in found]
-    best: str | None = max(classical, key=lambda mapper: found[mapper].score, default=None)
+    best: str | None = max(classical, key=lambda mapper: found[mapper].surface.scores.max(), default=None)
     test = pd.concat([one.test for one in found.values()], ignore_index=True).assign(spl=spl, barn=barn)
     rows = []
     for experiment, of_experiment in [(ALL, test), *test.groupby("experiment", sort=False)]:
@@ -166,14 +171,12 @@ def _interval(name: str, prefix: str, values: pd.Series, shift: np.ndarray) -> d
     return {name: float(drawn[0]), f"{prefix}low": float(low), f"{prefix}high": float(high)}
 
 
-def surfaces_of(driven: pd.DataFrame) -> pd.DataFrame:
+def surfaces_of(found: Mapping[str, MapperResult]) -> pd.DataFrame:
     """Return the smoothed scores of all settings of each mapper, see `Surface`."""
     rows = []
-    for mapper, own in driven[driven["split"] == "validation"].groupby("mapper", sort=False):
-        surface = Surface.of(own)
-        scores, counts = surface.smoothed(np.ones((1, len(surface.driven))))[0], surface.driven.sum(0)
-        shares = [(surface.chosen[1:] == label).mean() for label in surface.labels]
-        for label, score, count, share in zip(surface.labels, scores, counts, shares, strict=True):
+    for mapper, surface in ((mapper, one.surface) for mapper, one in found.items()):
+        counts, shares = surface.driven.sum(0), [(surface.chosen[1:] == label).mean() for label in surface.labels]
+        for label, score, count, share in zip(surface.labels, surface.scores, counts, shares, strict=True):
             known = {"mapper": mapper, "settings": label, "episodes": count, "score": score, "chosen": share}
             rows.append(known | settings_of(label))
     return pd.DataFrame(rows)
