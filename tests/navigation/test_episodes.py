@@ -451,6 +451,8 @@ def test_arms_are_compared_on_the_same_courses():
     assert list(found["success"]) == [0.5, 0.75, 1.0, 1.0]
     assert list(found["episodes"]) == [4, 4, 4, 5], "differences are on shared courses"
     assert list(found["difference"]) == [-0.25, 0.0, 0.25, 0.25]
+    assert list(found["lead"]) == [0.5, 0.25, 0.0, 0.0]
+    assert found.loc["scan", "lead_low"] < 0.5 <= found.loc["scan", "lead_high"]
     assert found.loc["scan", ["hit_behind", "hit_standing", "spl"]].tolist() == [0.5, 0.5, 0.4]
     assert found.loc["keep", "low"] <= 0.75 <= found.loc["keep", "high"]
     assert barn(pd.DataFrame(rows))[2] == pytest.approx(20 / 80)

@@ -14,7 +14,7 @@ from repro.metrics.bootstrap import draw_weights
 SMOOTHED = ("inflation_m", "weight", "age_s", "forgetting")  # settings whose neighbors are alike
 REACH, ALIKE = 2.0, 0.5  # of a neighbor, in steps of the grid; correlation of settings that differ in another axis
 SPREAD = 0.05  # of the scores of settings
-OFTEN, MOST = 0.05, 2  # share of the resamples in which a setting is chosen that is tested, and number of these
+OFTEN, MOST = 0.03, 6  # share of the resamples in which a setting is chosen that is tested, and number of these
 SPL_SHARE = 0.1  # of the length of the path in what is tuned; the rest is the success
 
 Settings = dict[str, Any]

@@ -101,10 +101,11 @@ def compare_mappers(found: Mapping[str, MapperResult]) -> pd.DataFrame:
 
     Intervals are over the test courses and the choice of the settings. Differences are those to the classical mapper
     that is best on the validation courses, on the test courses that both have; that of the time is over the courses
-    where both succeed; those that are `fixed` have no choice in them.
+    where both succeed; those that are `fixed` have no choice in them. The `lead` is that of the network, the best one
+    on the validation courses, over each mapper.
     """
-    classical = [mapper for mapper in BEST_OF if mapper in found]
-    best: str | None = max(classical, key=lambda mapper: found[mapper].surface.scores.max(), default=None)
+    best = _best(found, [mapper for mapper in BEST_OF if mapper in found])
+    network = _best(found, [mapper for mapper in found if mapper not in TITLES])
     test = pd.concat([one.test for one in found.values()], ignore_index=True).assign(spl=spl, barn=barn)
     rows = []
     for experiment, of_experiment in [(ALL, test), *test.groupby("experiment", sort=False)]:
@@ -120,8 +121,15 @@ def compare_mappers(found: Mapping[str, MapperResult]) -> pd.DataFrame:
                 row |= _interval("difference", "difference_fixed_", gain, 0 * shift)
                 row |= _interval("difference", "difference_", gain, shift)
                 row["time_difference_s"] = float((time_s[mapper] - time_s[best]).mean())
+            if network is not None:
+                shift = found[network].shifts[experiment] - one.shifts[experiment]
+                row |= _interval("lead", "lead_", success[network] - success[mapper], shift)
             rows.append(row | _measures(own))
     return pd.DataFrame(rows)
+
+
+def _best(found: Mapping[str, MapperResult], mappers: Iterable[str]) -> str | None:
+    return max(mappers, key=lambda mapper: found[mapper].surface.scores.max(), default=None)
 
 
 def title_of(mapper: str) -> str:
