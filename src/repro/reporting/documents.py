@@ -103,15 +103,15 @@ def networks(frames: DataFrames, caption: str) -> Cells:
 
 
 def mappers(frames: DataFrames, caption: str) -> Cells:
-    """Return success, time and difference of all mappers, a row each, from navigation.csv."""
+    """Return success and time of all mappers and the lead of the network, a row each, from navigation.csv."""
     results = frames["navigation"]
     experiments, rows = list(results["experiment"].unique()), []
     for title, own in results.groupby("title", sort=False):
         of = own.set_index("experiment")
         success = [with_interval(*of.loc[name, ["success", "low", "high"]]) for name in experiments]
-        gain, low, high = map(float, of.loc["all", ["difference", "difference_low", "difference_high"]])
-        rows.append([title, *success, number(of.loc["all", "time_s"], 1), with_interval(gain, low, high, "+.3f")])
-    return Cells(["Map", *map(str.capitalize, experiments), "Time [s]", "All, minus the best"], rows, caption)
+        lead, low, high = map(float, of.loc["all", ["lead", "lead_low", "lead_high"]])
+        rows.append([title, *success, number(of.loc["all", "time_s"], 1), with_interval(lead, low, high, "+.3f")])
+    return Cells(["Map", *map(str.capitalize, experiments), "Time [s]", "All, lead of the network"], rows, caption)
 
 
 def costs(frame: pd.DataFrame, caption: str) -> Cells:
