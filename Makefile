@@ -4,7 +4,7 @@ ARGS ?= # further overrides of reproduce, analysis and demo
 PY := .venv/bin/python
 ENCODINGS := projection,stack4,stack10,series10
 NAVIGATION := world=navigation exp=mixed scale=laptop scale.pairs.train=8 outputs=outputs/navigation
-MAPPERS := scan,keep,decay,log_odds,tracker,full_circle,truth,true_velocities
+MAPPERS := network,tracker,scan,keep,decay,log_odds,full_circle,truth,true_velocities
 SCALE ?=
 SCALE_ARG := $(if $(SCALE),scale=$(SCALE))
 COMMA := ,
@@ -56,8 +56,8 @@ analysis: setup ## beyond the paper: other inputs with three seeds, other worlds
 
 navigation: setup ## do maps help a robot? tune and drive with every kind of map, and with the published network
 	$(PY) run.py task=record $(NAVIGATION)
-	$(PY) run.py -m task=navigate $(NAVIGATION) navigation.mapper=$(MAPPERS)
-	$(PY) run.py task=navigate $(NAVIGATION) navigation.mapper=network prediction.weights=reproduce/results/navigation/expmixed-convgru
+	$(PY) run.py -m task=navigate $(NAVIGATION) navigation.mapper=$(MAPPERS) \
+	    prediction.weights=reproduce/results/navigation/expmixed-convgru
 
 test: setup ## all tests, without GPU and network
 	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadscope --no-loadscope-reorder

@@ -211,18 +211,6 @@ def test_a_map_of_the_future_counts_when_the_robot_is_there():
     assert planner().plan(later, pose, goal)[0, 0] < speed_now
 
 
-def test_an_arc_costs_what_it_meets_unseen():
-    age_s, expected = np.zeros((2, 1, 64, 64))
-    age_s[0, :, 40:], expected[0, :, 40:] = 9.0, 0.25  # to the east of 31.25 m
-    own, pose, goal = planner(look=2.0, unseen_s=5.0), np.array([[30.0, 25.0, 0.0]]), np.array([[45.0, 25.0]])
-    free = np.zeros((1, 1, 64, 64))
-    gain = own.costs(free, pose, goal, age_s, expected) - own.costs(free, pose, goal)
-    at = placed(own.arcs, pose[:, None])[0]
-    assert gain[0] == pytest.approx(2.0 * 4.0 * 0.25 * (at[..., 0] >= 31.25).mean(-1))
-    assert gain.max() > 1
-    assert own.costs(free, pose, goal, age_s - 7, expected) == pytest.approx(own.costs(free, pose, goal))
-
-
 def test_robots_reach_goals_collide_and_wait():
     wall = [(25.0, y, 0.0, 0.0) for y in np.arange(0.0, 51.0, 1.5)]
     free, blocked, hit = drive(course(), course(*wall), course((10.0, 35.0, 0.0, -1.5)), inflation_m=0.8, weight=80.0)

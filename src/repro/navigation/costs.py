@@ -67,27 +67,3 @@ def _read(image: np.ndarray, x: float, y: float, outside: float) -> float:
     upper = image[top, left] * (1 - right) + image[top, left + 1] * right
     lower = image[top + 1, left] * (1 - right) + image[top + 1, left + 1] * right
     return upper * (1 - below) + lower * below
-
-
-@compiled
-def unseen(
-    age_s: np.ndarray, expected: np.ndarray, start: np.ndarray, points: np.ndarray, oldest_s: np.ndarray
-) -> np.ndarray:
-    """Return the obstacles that arcs meet unseen, a mean over their points, (E, A).
-
-    Args:
-        age_s: time since a beam passed over each pixel [s], (E, H, W).
-        expected: obstacles that are expected in each pixel if it is unseen, (E, H, W).
-        start: x, y of the robots [px], (E, 2), whose own pixel does not count.
-        points: x, y [px], (E, A, P, 2).
-        oldest_s: age up to which the pixel of each point is seen [s], (P,).
-    """
-    robots, number, steps = points.shape[:3]
-    size, found = age_s.shape[1], np.zeros((robots, number))
-    for robot, arc, step in np.ndindex((robots, number, steps)):
-        x, y = points[robot, arc, step]
-        is_own = int(x) == int(start[robot, 0]) and int(y) == int(start[robot, 1])
-        if 0 <= x < size and 0 <= y < size and not is_own:
-            pixel = robot, size - 1 - int(y), int(x)
-            found[robot, arc] += expected[pixel] / steps if age_s[pixel] > oldest_s[step] else 0.0
-    return found

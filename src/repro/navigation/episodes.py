@@ -126,12 +126,7 @@ class Fleet:
                 continue
             occupied = self.mapper.maps(self.seen, own, **settings)
             goals = np.array([self.courses[index].goals[self.goal[index]] for index in own])
-            look: list[np.ndarray] = []
-            if planner.settings.look:
-                expected = occupied[:, 0] if self.mapper.has_prior else np.ones_like(occupied[:, 0])
-                newest = np.maximum(self.seen.passed[own], self.seen.hit[own])
-                look = [(self.seen.step - newest) * self.step_s, expected]
-            self.commands[own] = planner.plan(occupied, self.poses[own], goals, *look)
+            self.commands[own] = planner.plan(occupied, self.poses[own], goals)
 
     def _move(self, who: np.ndarray, step: int) -> None:
         """Move the robots, end the episodes that are over, and scan."""

@@ -98,14 +98,12 @@ class Mapper:
         candidates: the values of further settings that are tuned, of the function or of the planner.
         lidar: its field of view: `robot`, that of the world; `circle`, 360 degrees; `none`, which needs no scans.
         weights: checksum of the weights of its network; empty without one.
-        has_prior: whether it tells obstacles from free space where no beam was; else any unseen pixel counts alike.
     """
 
     maps: Callable[..., np.ndarray]
     candidates: Mapping[str, Sequence[float | None]] = field(default_factory=dict)
     lidar: Literal["robot", "circle", "none"] = "robot"
     weights: str = ""
-    has_prior: bool = False
 
 
 def _hits(seen: Seen, who: np.ndarray, *, age_s: float) -> np.ndarray:
@@ -174,7 +172,7 @@ CLASSICAL = {
 
 def network_mapper(predictor: Predictor, *, weights: str = "") -> Mapper:
     """Return the mapper of a trained network."""
-    return Mapper(partial(_network, predictor), {"threshold": THRESHOLDS}, weights=weights, has_prior=True)
+    return Mapper(partial(_network, predictor), {"threshold": THRESHOLDS}, weights=weights)
 
 
 def tracker_mapper(settings: Mapping[str, float]) -> Mapper:

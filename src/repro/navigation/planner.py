@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from repro.maps.grid import Grid
 from repro.maps.outlines import placed
-from repro.navigation.costs import inflate, roll_out, unseen
+from repro.navigation.costs import inflate, roll_out
 
 HORIZON_S = 2.0  # of an arc
 LAYER_S = 0.5  # from one map of the future to the next
@@ -35,15 +35,11 @@ class Settings:
         inflation_m: radius by which obstacles grow [m].
         weight: cost of a meter in an obstacle, in meters.
         threshold: probability above which a pixel is an obstacle; None takes the probabilities as they are.
-        look: cost of an arc whose points are all unseen obstacles, in lengths of the longest arc.
-        unseen_s: time after which a pixel counts as unseen when the robot is there [s].
     """
 
     inflation_m: float
     weight: float
     threshold: float | None = None
-    look: float = 0.0
-    unseen_s: float = 0.0
 
 
 class Planner:
@@ -69,22 +65,20 @@ class Planner:
         fall = (settings.inflation_m - away) / max(settings.inflation_m - core, 1e-9)  # less than 0 spreads nothing
         self.fall, self.core = np.where(away <= core, 1, fall), np.where(away <= core, 1.0, 0.0)
 
-    def plan(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray, *look: np.ndarray) -> np.ndarray:
+    def plan(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray) -> np.ndarray:
         """Choose the commands of E robots.
 
         Args:
             occupied: probability of an obstacle now and every `LAYER_S` later, K maps, (E, K, H, W).
             poses: x, y [m], heading [rad], (E, 3).
             goals: x, y [m], (E, 2).
-            look: with `look`, the time since a beam met each pixel [s] and the obstacles that are expected in it,
-                each (E, H, W).
 
         Returns:
             speed [m/s] and rate of turn [rad/s], (E, 2).
         """
-        return self.commands[self.costs(occupied, poses, goals, *look).argmin(1)]
+        return self.commands[self.costs(occupied, poses, goals).argmin(1)]
 
-    def costs(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray, *look: np.ndarray) -> np.ndarray:
+    def costs(self, occupied: np.ndarray, poses: np.ndarray, goals: np.ndarray) -> np.ndarray:
         """Return the cost of every arc of E robots, (E, A), see `plan`; infinite where it ends off the map."""
         if self.settings.threshold is not None:
             occupied = (occupied > self.settings.threshold).astype(np.float32)
@@ -93,13 +87,7 @@ class Planner:
         layer = np.minimum(TIMES_S // LAYER_S, occupied.shape[1] - 1).astype(int)
         to_go = np.stack([self.cost_to_go(maps[0], goal) for maps, goal in zip(inflated, goals, strict=True)])
         left, risk = roll_out(to_go, inflated, lethal, points, layer)
-        cost = left + self.settings.weight * self.longest_m * risk + self.longest_m * (self.commands[:, 0] < 0)
-        if look:
-            age_s, expected = look
-            start = poses[:, :2] / self.grid.resolution_m
-            hidden = unseen(age_s, expected, start, points, self.settings.unseen_s - TIMES_S)
-            cost += self.settings.look * self.longest_m * hidden
-        return cost
+        return left + self.settings.weight * self.longest_m * risk + self.longest_m * (self.commands[:, 0] < 0)
 
     def inflate(self, occupied: np.ndarray, fall: np.ndarray) -> np.ndarray:
         """Return the largest product of p and the weight of its distance around each pixel, (..., H, W)."""
