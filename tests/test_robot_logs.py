@@ -26,7 +26,7 @@ from repro.metrics import calibration
 from repro.metrics.counts import PROBABILITY
 from repro.networks.predictor import load_predictor
 from repro.prediction.agreement import Observed
-from repro.scans import Scans
+from repro.scans import Scans, wrapped
 from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import simulate
 from repro.worlds.spec import read_world, world_spec
@@ -175,16 +175,23 @@ def test_a_robot_drives_through_a_floor_whose_rooms_are_known_up_to_closed_doors
     through = np.abs(way[:, 0] - 19.9) < 0.1
     assert through.any()  # the farthest place is in the other room
     assert (np.abs(way[through, 1] - 17.5) < 0.45).all()
+    beside = []
     for case in cases:
         x, y = (predictor.grid.centers() + case.window.origin).T
         hits, passed = (which.ravel() for which in (case.clear.hits, case.clear.passed))
         assert (np.abs(x[hits] - 19.9) < 0.11).any() or (x[hits] > 39).any() or (x[hits] < 1).any()
         assert not passed[(x > 40.2) | (x < 0) | (y < 0) | (y > 20)].any()  # the closed room and what is outside
         scans = case.window.scans
+        offsets = np.column_stack([x, y]) - case.window.origin - scans.poses[-1, :2]
+        bearing = wrapped(np.arctan2(offsets[:, 1], offsets[:, 0]) - scans.poses[-1, 2])
+        beside.append(np.abs(bearing)[case.shown.ravel() & (np.linalg.norm(offsets, axis=1) > 1)])
         ahead = scans.poses[:, 2, None] + scans.angles
         for axis, bearing, length in ((0, np.cos(ahead), 60.0), (1, np.sin(ahead), 20.0)):
             ends = scans.poses[:, axis, None] + case.window.origin[axis] + scans.ranges * bearing
             assert ((ends > -0.01) & (ends < length + 0.01))[np.isfinite(scans.ranges)].all()
+    angles = np.concatenate(beside)
+    assert 0.7 < angles.min() < 0.85  # 45 degrees
+    assert 1.4 < angles.max() < 1.7  # 90 degrees
 
 
 def test_a_beam_ends_at_the_first_wall():

@@ -2,9 +2,13 @@
 
 A floor is a directory with `occ_map.npy`, cells of 0.1 m whose walls are zero, row 0 at the top (uint8). The robot
 drives along the shortest path from a random place to the one that is farthest from it, with exact ranges and poses.
+Its lidar sees half a turn, cropped to a view as in the logs, so that both truths are known: the floor, and what the
+other beams show of it.
 """
 
+import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +16,12 @@ from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from repro.learning.held_out import View
+from repro.learning.held_out import View, labeled
 from repro.logs.options import WindowSettings
 from repro.logs.scan_log import ScanLog
 from repro.maps.grid import Grid
 from repro.prediction.agreement import Observed
-from repro.prediction.windows import Window, cut
+from repro.prediction.windows import Window
 
 PLAN = "occ_map.npy"
 CELL_M = 0.1
@@ -33,14 +37,16 @@ def is_floor(path: Path) -> bool:
 
 
 def windows(
-    path: Path, settings: WindowSettings, stride_s: float, grid: Grid, view: View
-) -> Iterator[tuple[Window, Observed]]:
+    path: Path, settings: WindowSettings, stride: float, grid: Grid, view: View
+) -> Iterator[tuple[Window, Observed, np.ndarray]]:
     """Yield the windows of a drive through a floor, with its walls and the free space that the robot can reach.
+
+    The last item are the pixels of which the beams beside the view say what they are, as in a log, bool, (H, W).
 
     Args:
         path: the directory of the floor.
         settings: center and steps of the windows.
-        stride_s: time between the ends of two windows [s].
+        stride: steps between the ends of two windows.
         grid: grid of the maps.
         view: the view of the lidar.
     """
@@ -52,11 +58,11 @@ def windows(
     is_free = reached == reached[tuple(np.argwhere(is_clear)[0])]
     is_free &= distance_transform_edt(from_wall_m < WIDE_M / 2) * CELL_M < WIDE_M / 2
     is_known = binary_dilation(is_free, iterations=BESIDE_CELLS) & (is_free | is_wall)
-    log = driven(is_wall, path_through(is_clear), view)
-    for window in cut(log, settings, stride_s, grid.size_m):
-        assert isinstance(window, Window), "a drive has no gaps"
+    log = driven(is_wall, path_through(is_clear), replace(view, fov_rad=math.pi))
+    for window, shown in labeled(log, settings, stride, grid, view):
         places = (grid.centers() + window.origin)[:, ::-1].T.reshape(2, grid.size_px, grid.size_px)
-        yield window, Observed(*(_at(is_known & which, places) for which in (is_wall, is_free)))
+        known = Observed(*(_at(is_known & which, places) for which in (is_wall, is_free)))
+        yield window, known, shown.hits | shown.passed
 
 
 def path_through(is_clear: np.ndarray) -> np.ndarray:

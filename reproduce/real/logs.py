@@ -57,6 +57,7 @@ class Case:
         range_max_m: maximum range of the lidar [m].
         clear: pixels that the held-out beams hit or passed over, without passed pixels beside a hit.
         moving: pixels of a hit on something that moves, bool, (H, W); None if that is not known.
+        shown: pixels that held-out beams show, bool, (H, W), where the truth is a whole floor; else None.
         block: number of the part of the log whose windows are drawn together.
     """
 
@@ -64,6 +65,7 @@ class Case:
     range_max_m: float
     clear: Observed
     moving: np.ndarray | None = None
+    shown: np.ndarray | None = None
     block: int = 0
 
     @property
@@ -96,6 +98,8 @@ class Case:
         seen_at = np.zeros_like(self.clear.hits)
         seen_at.ravel()[self.pixels] = seen
         groups = {"all": self.clear, "seen": self.clear.within(seen_at), "unseen": self.clear.within(~seen_at)}
+        if self.shown is not None:
+            groups["shown"] = self.clear.within(self.shown)
         if self.moving is not None:
             for name, hits in (("standing", ~self.moving), ("moving", self.moving)):
                 groups[name] = Observed(self.clear.hits & hits, self.clear.passed)
@@ -146,8 +150,8 @@ def driving(path: Path, predictor: Predictor) -> Iterator[Case]:
 def on_floor(path: Path, predictor: Predictor) -> Iterator[Case]:
     """Yield the windows of a simulated drive through a floor plan."""
     settings = window_of(predictor)
-    for window, known in floors.windows(path, settings, FLOOR_STRIDE * settings.step_s, predictor.grid, VIEW):
-        yield Case(window, VIEW.range_max_m, known)
+    for window, known, shown in floors.windows(path, settings, FLOOR_STRIDE, predictor.grid, VIEW):
+        yield Case(window, VIEW.range_max_m, known, shown=shown)
 
 
 def stride_of(log: ScanLog, settings: WindowSettings, least: float) -> float:
@@ -190,4 +194,4 @@ def standing(path: Path, predictor: Predictor) -> Iterator[Case]:
         number = int(np.searchsorted(log.stamps, window.stamp))
         moving = replace(window.held_out, ranges=np.where(is_moving[number], window.held_out.ranges, np.nan))
         block = int((window.stamp - first_s) / BLOCK_S)
-        yield Case(window, reach_m, clear, observed(moving, grid, reach_m).hits, block)
+        yield Case(window, reach_m, clear, observed(moving, grid, reach_m).hits, block=block)
