@@ -33,6 +33,7 @@ from reproduce.movers.measures import CONSTANT, HITS, TRACKED, Held, held, rows
 from reproduce.movers.rates import groups, kinds
 from reproduce.movers.scenes import PLACES, Place, bin_of, scenes
 from reproduce.movers.tuning import Asked, Tuned, tune
+from reproduce.real.maps import mixed
 
 TARGET = Path(__file__).parents[1] / "results" / "movers"
 WEIGHTS = ("indoor", "buildings", "rooms", "exp3", "exp4")
@@ -68,7 +69,10 @@ def obstacle_map(predictor: Predictor, scans: Scans, range_max_m: float) -> np.n
 
 
 def measured(place: Place, networks: dict[str, Predictor], tuned: Tuned, recordings: int) -> Iterator[dict[str, Any]]:
-    """Yield the rows of a place, each with the size of its map in pixels; networks of one size share the movers."""
+    """Yield the rows of a place, each with the size of its map in pixels; networks of one size share the movers.
+
+    One map has the mean log odds of the first of them and of the tracked movers.
+    """
     size_m = place.spec.world.width
     grids = {each.grid.size_px: each.grid for each in networks.values()}
     found: dict[int, dict[str, list[Held]]] = {size_px: {} for size_px in grids}
@@ -81,7 +85,9 @@ def measured(place: Place, networks: dict[str, Predictor], tuned: Tuned, recordi
                 for name, each in networks.items()
                 if each.grid.size_px == size_px
             }
+            first = next(iter(maps))
             maps |= {HITS: tuned.hits.of(np.zeros_like(kind), kind), TRACKED: tuned.tracked.of(group, kind)}
+            maps[f"{first}+{TRACKED}"] = mixed(maps[first], maps[TRACKED])
             for target in asked.targets:
                 constant = np.full_like(maps[HITS], tuned.constant[bin_of(target.mover.since)])
                 for name, obstacle in {**maps, CONSTANT: constant}.items():

@@ -84,10 +84,10 @@ def boosted(sample: Sample, settings: dict[str, float]) -> HistGradientBoostingC
     return HistGradientBoostingClassifier(**COMMON, **settings).fit(sample.features, sample.free)
 
 
-def mixed(network: np.ndarray, boosting: np.ndarray) -> np.ndarray:
+def mixed(network: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Return the probability with the mean log odds of two maps; those of a network end at half a level."""
     least = 0.5 / (LEVELS - 1)
-    return expit(sum(logit(free.clip(least, 1 - least)) for free in (network, boosting)) / 2)
+    return expit(sum(logit(each.clip(least, 1 - least)) for each in (network, other)) / 2)
 
 
 def tuned(samples: dict[str, list[Sample]]) -> dict[str, float]:
