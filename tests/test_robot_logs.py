@@ -184,7 +184,7 @@ def test_a_robot_drives_through_a_floor_whose_rooms_are_known_up_to_closed_doors
         scans = case.window.scans
         offsets = np.column_stack([x, y]) - case.window.origin - scans.poses[-1, :2]
         bearing = wrapped(np.arctan2(offsets[:, 1], offsets[:, 0]) - scans.poses[-1, 2])
-        beside.append(np.abs(bearing)[case.shown.ravel() & (np.linalg.norm(offsets, axis=1) > 1)])
+        beside.append(np.abs(bearing)[case.shown.passed.ravel() & (np.linalg.norm(offsets, axis=1) > 1)])
         ahead = scans.poses[:, 2, None] + scans.angles
         for axis, bearing, length in ((0, np.cos(ahead), 60.0), (1, np.sin(ahead), 20.0)):
             ends = scans.poses[:, axis, None] + case.window.origin[axis] + scans.ranges * bearing

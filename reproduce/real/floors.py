@@ -38,10 +38,10 @@ def is_floor(path: Path) -> bool:
 
 def windows(
     path: Path, settings: WindowSettings, stride: float, grid: Grid, view: View
-) -> Iterator[tuple[Window, Observed, np.ndarray]]:
+) -> Iterator[tuple[Window, Observed, Observed]]:
     """Yield the windows of a drive through a floor, with its walls and the free space that the robot can reach.
 
-    The last item are the pixels of which the beams beside the view say what they are, as in a log, bool, (H, W).
+    The last item is what the beams beside the view show, as in a log.
 
     Args:
         path: the directory of the floor.
@@ -61,8 +61,7 @@ def windows(
     log = driven(is_wall, path_through(is_clear), replace(view, fov_rad=math.pi))
     for window, shown in labeled(log, settings, stride, grid, view):
         places = (grid.centers() + window.origin)[:, ::-1].T.reshape(2, grid.size_px, grid.size_px)
-        known = Observed(*(_at(is_known & which, places) for which in (is_wall, is_free)))
-        yield window, known, shown.hits | shown.passed
+        yield window, Observed(*(_at(is_known & which, places) for which in (is_wall, is_free))), shown
 
 
 def path_through(is_clear: np.ndarray) -> np.ndarray:

@@ -57,7 +57,7 @@ class Case:
         range_max_m: maximum range of the lidar [m].
         clear: pixels that the held-out beams hit or passed over, without passed pixels beside a hit.
         moving: pixels of a hit on something that moves, bool, (H, W); None if that is not known.
-        shown: pixels that held-out beams show, bool, (H, W), where the truth is a whole floor; else None.
+        shown: what held-out beams show where the truth is a whole floor; else None.
         block: number of the part of the log whose windows are drawn together.
     """
 
@@ -65,7 +65,7 @@ class Case:
     range_max_m: float
     clear: Observed
     moving: np.ndarray | None = None
-    shown: np.ndarray | None = None
+    shown: Observed | None = None
     block: int = 0
 
     @property
@@ -99,7 +99,7 @@ class Case:
         seen_at.ravel()[self.pixels] = seen
         groups = {"all": self.clear, "seen": self.clear.within(seen_at), "unseen": self.clear.within(~seen_at)}
         if self.shown is not None:
-            groups["shown"] = self.clear.within(self.shown)
+            groups["shown"] = self.shown
         if self.moving is not None:
             for name, hits in (("standing", ~self.moving), ("moving", self.moving)):
                 groups[name] = Observed(self.clear.hits & hits, self.clear.passed)
