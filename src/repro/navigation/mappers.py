@@ -163,7 +163,7 @@ CLASSICAL = {
     "scan": Mapper(partial(_hits, age_s=0.0)),
     "keep": Mapper(partial(_hits, age_s=1000.0)),
     "decay": Mapper(_hits, {"age_s": AGES_S}),
-    "log_odds": Mapper(_log_odds, {"forgetting": (0.005, 0.02, 0.05, 0.15)}),
+    "log_odds": Mapper(_log_odds, {"forgetting": (0.005, 0.02, 0.05, 0.15), "threshold": THRESHOLDS}),
     "full_circle": Mapper(_hits, {"age_s": (3.0, 10.0, 1000.0)}, lidar="circle"),
     "truth": Mapper(partial(_truth, ahead_s=AHEAD_S[:1]), lidar="none"),
     "true_velocities": Mapper(partial(_truth, ahead_s=AHEAD_S), lidar="none"),
