@@ -29,6 +29,7 @@ from repro.prediction.agreement import Observed
 from repro.scans import Scans, wrapped
 from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import simulate
+from repro.system.errors import InputError
 from repro.worlds.spec import read_world, world_spec
 
 ROOMS, DRIVE = "rooms-16000/exppeople-convgru", "drive-16000/expmixed-convgru"
@@ -160,6 +161,25 @@ def test_a_log_of_wean_hall_is_read(tmp_path):
     assert np.degrees(log.angles[[0, -1]]) == pytest.approx([-89.5, 89.5])
     assert log.ranges[0, :90] == pytest.approx(1.83)
     assert np.isinf(log.ranges[0, 90:]).all()
+
+
+def test_logs_that_cannot_be_compared_are_named(tmp_path):
+    carmen, plain, cut = (tmp_path / name for name in ("aces-corrected.log.gz", "belgioioso.log", "fhw.log.gz"))
+    plain.write_text("FLASER 3 1 1 1 0 0 0 0 0 0 1 host 1\n")
+    carmen.write_bytes(gzip.compress(plain.read_bytes()))
+    cut.write_bytes(gzip.compress(plain.read_bytes())[:30])
+    predictor = load_predictor(ROOT / "reproduce" / "results" / ROOMS)
+    real_logs.check([carmen, plain], ["rooms"])
+    with pytest.raises(InputError, match="no network"):
+        real_logs.check([carmen, plain], [])
+    with pytest.raises(InputError, match=r"two of 3 folds or more, .*, got those of 1"):
+        real_logs.check([carmen, carmen], ["rooms"])
+    with pytest.raises(InputError, match=r"expected a log, or the directory of a floor with occ_map\.npy"):
+        real_logs.check([carmen, tmp_path], ["rooms"])
+    with pytest.raises(InputError, match=r"belgioioso\.log: expected a log of Wean Hall"):
+        list(real_logs.cases_of(plain, predictor))
+    with pytest.raises(InputError, match=r"fhw\.log\.gz: expected a gzipped CARMEN file, got a damaged one"):
+        list(real_logs.cases_of(cut, predictor))
 
 
 def test_a_robot_drives_through_a_floor_whose_rooms_are_known_up_to_closed_doors(tmp_path):

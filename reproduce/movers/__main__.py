@@ -7,8 +7,9 @@
 The first call tunes the maps without a network (a constant rate, hits kept for a time, tracked movers) on worlds of
 their own and writes tuned.json. The second one measures them and networks, where the size of the map is that of the
 world, and writes a table for each kind of worlds (rooms_crossing.csv and others, see `measures.rows`), a person in a
-corridor (corridor.csv, corridor.png) and, with bags of a standing lidar, bags.csv. `--only` chooses among these. A
-network takes about a CPU minute for 200 recordings of all worlds, the maps without one three minutes.
+corridor (corridor.csv, corridor.png) and, with bags of a standing lidar, bags.csv. `--only` chooses among these. What
+is published, in reproduce/results/movers, has the tuning where the target has none. A network takes about a CPU minute
+for 200 recordings of all worlds, the maps without one three minutes.
 """
 
 import argparse
@@ -28,6 +29,7 @@ from repro.runs.provenance import environment
 from repro.scans import Scans
 from repro.system.errors import InputError
 from repro.system.files import write_json, write_text
+from reproduce.calls import positive, reported
 from reproduce.movers import bags, corridor
 from reproduce.movers.measures import CONSTANT, HITS, TRACKED, Held, held, rows
 from reproduce.movers.rates import groups, kinds
@@ -35,7 +37,8 @@ from reproduce.movers.scenes import PLACES, Place, bin_of, scenes
 from reproduce.movers.tuning import Asked, Tuned, tune
 from reproduce.real.maps import mixed
 
-TARGET = Path(__file__).parents[1] / "results" / "movers"
+PUBLISHED = Path(__file__).parents[1] / "results" / "movers"
+TARGET = PUBLISHED.parents[2] / "outputs" / "movers"
 WEIGHTS = ("indoor", "buildings", "rooms", "exp3", "exp4")
 FIRST_SEED, FIRST_TUNED = 4_000_000, 5_000_000  # of the worlds, above those of all splits
 TUNED, SEARCHED = 200, 60  # worlds for the rates, of which the first ones choose the settings of the clouds
@@ -128,10 +131,12 @@ def main() -> None:
     parser.add_argument("--tune", action="store_true")
     parser.add_argument("--weights", nargs="+", default=list(WEIGHTS))
     parser.add_argument("--only", nargs="+", choices=parts, default=parts)
-    parser.add_argument("--recordings", type=int, default=200)
+    parser.add_argument("--recordings", type=positive, default=200)
     parser.add_argument("--bags", nargs="+", type=Path, default=[])
     parser.add_argument("--target", type=Path, default=TARGET)
     options = parser.parse_args()
+    if options.only == [BAGS] and not options.bags:
+        parser.error("--only bags: expected --bags BAG ..., got none")
     origin = environment()  # before the results change the working tree
     options.target.mkdir(parents=True, exist_ok=True)
     with one_thread():
@@ -164,7 +169,7 @@ def tuned_of(name: str, target: Path) -> Tuned:
     Raises:
         InputError: nothing was.
     """
-    path = target / TUNED_FILE
+    path = next((path for path in (target / TUNED_FILE, PUBLISHED / TUNED_FILE) if path.is_file()), target / TUNED_FILE)
     content = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     if name not in content:
         raise InputError(f'{path} lacks {name}: call with --tune --only "{name}" first')
@@ -194,4 +199,4 @@ def _record(target: Path, name: str, about: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    reported(main)

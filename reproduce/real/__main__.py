@@ -9,16 +9,15 @@ also compare the least probability of free there, calibrated on logs of other pl
 
 The network of --adapted is adapted to the logs of two thirds of the places, as task=adapt does, and tested on the
 others; those of --weights are tested as they are. Maps without a network are fitted to the same logs as the adapted
-network. The boosting is tuned on the development logs among these, where these are of two places or more. The rows go
-to held_out.csv in the target, their origin to provenance.json. With --all, the network is adapted to all logs, too.
+network. The boosting is tuned on the development logs among these, where these are of two places or more. With
+--all, the network is adapted to all logs, too. The target, by default outputs/real, gets held_out.csv and its origin.
 
 The published rows are of the gzipped CARMEN logs with poses corrected by a scan matcher of the Robotics Data Set
 Repository (Radish), https://github.com/acschaefer/ple/tree/master/data/carmen, see also
 https://www.ipb.uni-bonn.de/datasets; of logs of Wean Hall with odometry,
 https://github.com/deanhgit/16-831_Lab1/tree/master/log; and of bags of a standing lidar among people (BSD-3),
 https://github.com/angusleigh/leg_tracker/tree/melodic/rosbags/training/scans_res_0_33/positive_not_extracted. Others
-are of a simulated lidar on floors of KTH, the directories of https://github.com/castacks/MapEx/tree/main/kth_test_maps,
-on which the network that is adapted to all logs is tested.
+are of floors of KTH, the directories of https://github.com/castacks/MapEx/tree/main/kth_test_maps.
 """
 
 import argparse
@@ -44,16 +43,16 @@ from repro.runs.parallel import count_cores, process_pool
 from repro.runs.provenance import environment
 from repro.scans import Scans
 from repro.system.files import sha256, write_json, write_text
+from reproduce.calls import reported
 from reproduce.real import maps
 from reproduce.real.adapted import adapted, adapted_to_all
 from reproduce.real.figure import draw
 from reproduce.real.floors import PLAN, is_floor
-from reproduce.real.logs import DEVELOPMENT, FOLDS, Case, cases_of, fold_of, kind_of, place_of
+from reproduce.real.logs import DEVELOPMENT, FOLDS, Case, cases_of, check, fold_of, kind_of, place_of
 from reproduce.real.maps import Fitted, Sample
 from reproduce.real.measures import Measured, around, auroc, calibrated, count, counts_of, rows_of
 
-RESULTS = Path(__file__).parents[1] / "results"
-TARGET, KEPT = RESULTS / "indoor", RESULTS.parents[1] / "outputs" / "real"
+TARGET = KEPT = Path(__file__).parents[2] / "outputs" / "real"
 OWN, WITHIN = "own pixel", "within one pixel"
 SAMPLED_WINDOWS, SAMPLED_PIXELS = 120, 12_000  # of each log, to which maps are fitted
 BATCH = 16  # windows that are predicted together
@@ -211,6 +210,7 @@ def main() -> None:
     parser.add_argument("--kept", type=Path, default=KEPT, help="adapted networks")
     parser.add_argument("--all", action="store_true", help="also adapt the network to all logs")
     options = parser.parse_args()
+    check(options.logs, [*filter(None, [options.adapted]), *options.weights])
     origin = environment()  # before the results change the working tree
     networks: Networks = {}
     if options.adapted:
@@ -247,4 +247,4 @@ def write(rows: list[dict[str, Any]], chosen: dict[str, Any], options: argparse.
 
 
 if __name__ == "__main__":
-    main()
+    reported(main)

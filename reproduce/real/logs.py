@@ -30,6 +30,7 @@ from repro.maps.grid import Grid
 from repro.networks.predictor import Predictor
 from repro.prediction.agreement import Observed, observed
 from repro.prediction.windows import Window, spaced_by_distance
+from repro.system.errors import InputError
 from reproduce.real import floors
 from reproduce.real.evidence import Evidence
 from reproduce.real.floors import is_floor
@@ -44,6 +45,7 @@ PLACES = (  # in the order of the folds
 DEVELOPMENT = tuple(f"{name}-corrected.log.gz" for name in ("csail", "freiburg-079", "intel", "seattle"))
 MAX_WINDOWS = 250  # of a log, evenly over it
 NO_RETURN_CM = 8183.0  # and more, in a log of Wean Hall
+WEAN_WORDS = 187  # of a scan
 NEARER_M = 0.4  # than the median of its beam over the log: a reading of something that moves
 BLOCK_S = 10.0  # windows of a bag that are drawn together
 
@@ -132,6 +134,25 @@ def fold_of(path: Path) -> int | None:
     return number % FOLDS
 
 
+def check(paths: list[Path], networks: list[str]) -> None:
+    """Check that there are logs from which others can be kept apart.
+
+    Raises:
+        InputError: there is no network, a path is no log or floor, or all logs are of one fold.
+    """
+    if not networks:
+        raise InputError("expected --adapted WEIGHTS or --weights WEIGHTS ..., got no network")
+    for path in paths:
+        if not (is_floor(path) or path.is_file()):
+            raise InputError(f"{path}: expected a log, or the directory of a floor with {floors.PLAN}, got neither")
+    folds = {fold_of(path) for path in paths} - {None}
+    if len(folds) < 2:
+        raise InputError(
+            f"expected logs of two of {FOLDS} folds or more, since maps are fitted to other logs than the tested ones, "
+            f"got those of {len(folds)}"
+        )
+
+
 def cases_of(path: Path, predictor: Predictor) -> Iterator[Case]:
     """Yield the windows of a log of a driving robot, of one of a standing lidar (ROS 1 bag), or of a floor."""
     return {"simulated": on_floor, "stands": standing, "drives": driving}[kind_of(path)](path, predictor)
@@ -167,14 +188,22 @@ def log_of(path: Path, predictor: Predictor) -> tuple[ScanLog, WindowSettings]:
         return read_log(path, settings, ReadOptions(pose=(0.0, 0.0, 0.0))), settings
     if path.suffix != ".gz":
         return wean_hall(path), settings
-    with gzip.open(path, "rt", encoding="utf-8", errors="replace") as lines:
-        log = collect(carmen_scans(lines, path), path, WindowSettings(spacing="distance"))
+    try:
+        with gzip.open(path, "rt", encoding="utf-8", errors="replace") as lines:
+            log = collect(carmen_scans(lines, path), path, WindowSettings(spacing="distance"))
+    except (EOFError, gzip.BadGzipFile) as error:
+        raise InputError(f"{path}: expected a gzipped CARMEN file, got a damaged one ({error})") from error
     return log, spaced_by_distance(log, settings, predictor.statistics)
 
 
 def wean_hall(path: Path) -> ScanLog:
     """Read a log of Wean Hall: lines of `L`, poses of robot and lidar, 180 ranges of half a turn [cm, rad], time."""
-    rows = [line.split()[1:] for line in path.read_text(encoding="ascii").splitlines() if line.startswith("L ")]
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    rows = [line.split()[1:] for line in lines if line.startswith("L ")]
+    if not rows or {len(row) for row in rows} != {WEAN_WORDS}:
+        raise InputError(
+            f"{path}: expected a log of Wean Hall, lines of L and {WEAN_WORDS} numbers (CARMEN files are gzipped here)"
+        )
     table = np.array(rows, float)
     ranges = np.where(table[:, 6:-1] < NO_RETURN_CM, table[:, 6:-1] / 100, np.inf).astype(np.float32)
     poses = table[:, 3:6] * [0.01, 0.01, 1]

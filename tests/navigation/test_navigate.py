@@ -53,5 +53,5 @@ def test_arms_are_driven_and_compared(outputs):
 
 
 def test_a_network_of_other_maps_is_refused(outputs):
-    with pytest.raises(InputError, match="128 px, 25 m, expected those of the call, 32 px, 50 m"):
+    with pytest.raises(InputError, match="expected maps of 32 px, 50 m, got 128 px, 25 m"):
         navigate(outputs, "network", "prediction.weights=rooms")

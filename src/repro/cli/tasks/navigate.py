@@ -36,7 +36,8 @@ def run(job: Job) -> None:
     with few_threads():
         Trials(directory, name, mapper, specs, grid).run(seeds, environment())
     for row in write_results(directory, job.outputs.analysis).itertuples():
-        print(f"{row.experiment:8} {row.title:40} success {row.success:.3f} [{row.low:.3f}, {row.high:.3f}]")
+        success = f"{row.success:.3f} [{row.low:.3f}, {row.high:.3f}]"
+        print(f"{row.experiment:8} {row.title:40} success {success} of {row.episodes} courses")
 
 
 def mapper_of(job: Job, grid: "Grid", name: str) -> tuple[str, "Mapper"]:
@@ -53,7 +54,7 @@ def mapper_of(job: Job, grid: "Grid", name: str) -> tuple[str, "Mapper"]:
         predictor = load_predictor(path) if path.is_file() else load_trained(path)
         if predictor.grid != grid:
             expected, found = (f"{one.size_px} px, {one.size_m:g} m" for one in (grid, predictor.grid))
-            raise InputError(f"prediction.weights: its maps have {found}, expected those of the call, {expected}")
+            raise InputError(f"prediction.weights={path}: expected maps of {expected}, got {found}")
         if predictor.is_centered:
             raise InputError(
                 "prediction.weights: an adapted network needs the robot in the middle, and these maps stand"
