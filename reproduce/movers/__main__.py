@@ -169,8 +169,10 @@ def tuned_of(name: str, target: Path) -> Tuned:
     Raises:
         InputError: nothing was.
     """
-    path = next((path for path in (target / TUNED_FILE, PUBLISHED / TUNED_FILE) if path.is_file()), target / TUNED_FILE)
-    content = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    path = target / TUNED_FILE
+    if not path.is_file():
+        path = PUBLISHED / TUNED_FILE
+    content = json.loads(path.read_text(encoding="utf-8"))
     if name not in content:
         raise InputError(f'{path} lacks {name}: call with --tune --only "{name}" first')
     return Tuned.parse(content[name])

@@ -210,7 +210,7 @@ def main() -> None:
     parser.add_argument("--kept", type=Path, default=KEPT, help="adapted networks")
     parser.add_argument("--all", action="store_true", help="also adapt the network to all logs")
     options = parser.parse_args()
-    check(options.logs, [*filter(None, [options.adapted]), *options.weights])
+    check(options.logs, [name for name in (options.adapted, *options.weights) if name])
     origin = environment()  # before the results change the working tree
     networks: Networks = {}
     if options.adapted:

@@ -58,10 +58,11 @@ def windows(
     is_free = reached == reached[tuple(np.argwhere(is_clear)[0])]
     is_free &= distance_transform_edt(from_wall_m < WIDE_M / 2) * CELL_M < WIDE_M / 2
     is_known = binary_dilation(is_free, iterations=BESIDE_CELLS) & (is_free | is_wall)
+    marked = [is_known & which for which in (is_wall, is_free)]
     log = driven(is_wall, path_through(is_clear), replace(view, fov_rad=math.pi))
     for window, shown in labeled(log, settings, stride, grid, view):
         places = (grid.centers() + window.origin)[:, ::-1].T.reshape(2, grid.size_px, grid.size_px)
-        yield window, Observed(*(_at(is_known & which, places) for which in (is_wall, is_free))), shown
+        yield window, Observed(*(_at(which, places) for which in marked)), shown
 
 
 def path_through(is_clear: np.ndarray) -> np.ndarray:
