@@ -61,7 +61,8 @@ def main() -> None:
         job = Job(read_calls(parsed, jobs)[0])
     rows = pd.read_csv(ANALYSIS / "navigation.csv").query("experiment == 'all'").set_index("mapper")
     network = next(name for name in map(str, rows.index) if "-" in name)
-    best = next(name for name in BEST_OF if name in rows.index and not rows.loc[name, "difference_high"])
+    scores = pd.read_csv(ANALYSIS / "navigation_surfaces.csv").groupby("mapper")["score"].max()
+    best = str(scores[scores.index.isin(BEST_OF)].idxmax())
     test = pd.read_csv(ANALYSIS / "navigation_episodes.csv").query("split == 'test' and experiment == @WORLD")
     ends = {
         name: test[(test["mapper"] == name) & (test["settings"] == rows.loc[name, "settings"])].set_index("seed")

@@ -14,7 +14,7 @@ from repro.metrics.bootstrap import draw_weights
 SMOOTHED = ("inflation_m", "weight", "age_s", "forgetting")  # settings whose neighbors are alike
 REACH, ALIKE = 2.0, 0.5  # of a neighbor, in steps of the grid; correlation of settings that differ in another axis
 SPREAD = 0.05  # of the scores of settings
-OFTEN, MOST = 0.03, 6  # share of the resamples in which a setting is chosen that is tested, and number of these
+OFTEN = 0.03  # share of the resamples in which a setting is chosen that may be the best one
 SPL_SHARE = 0.1  # of the length of the path in what is tuned; the rest is the success
 
 Settings = dict[str, Any]
@@ -68,19 +68,18 @@ class Surface:
 
     @cached_property
     def scores(self) -> np.ndarray:
-        """The smoothed scores of the settings with all courses, (S,)."""
-        return self.smoothed(np.ones((1, len(self.driven))))[0]
-
-    @cached_property
-    def chosen(self) -> np.ndarray:
-        """The labels of the settings that are chosen with all courses, then in each resample, (draws + 1,)."""
-        return np.array(self.labels, dtype=object)[self.smoothed(draw_weights(len(self.driven))).argmax(1)]
+        """The smoothed scores of the settings with all courses, then in each resample, (draws + 1, S)."""
+        return self.smoothed(draw_weights(len(self.driven)))
 
     @property
-    def tested(self) -> list[str]:
-        """The labels of the settings that are chosen often, that of all courses first."""
+    def chosen(self) -> np.ndarray:
+        """The labels of the settings that are chosen with all courses, then in each resample, (draws + 1,)."""
+        return np.array(self.labels, dtype=object)[self.scores.argmax(1)]
+
+    def often(self, most: int) -> list[str]:
+        """Return the labels of the settings that are chosen often, at most a number, that of all courses first."""
         shares = pd.Series(self.chosen[1:]).value_counts(normalize=True).drop(self.chosen[0], errors="ignore")
-        return [self.chosen[0], *shares.index[shares >= OFTEN][:MOST]]
+        return [self.chosen[0], *shares.index[shares >= OFTEN]][:most]
 
 
 def labels_of(axes: Mapping[str, Sequence[float | None]]) -> list[str]:

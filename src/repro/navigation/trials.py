@@ -3,7 +3,8 @@
 Each validation course is driven with two settings of a grid, all settings in turn, and if the grid is large, then with
 one of the best quarter, as in successive halving (Jamieson and Talwalkar 2016). A Gaussian process smooths the scores
 over neighbors on the grid, with an effect of each course, and the setting with the largest one is chosen. So is one in
-every resample of the courses; those chosen often are driven on test courses, too, for the interval of the result.
+every resample of the courses. Those chosen often are driven on more courses, the best three of them on all. The setting
+chosen last is driven on test courses, and so are those that are still chosen often, for the interval of the result.
 
 Every episode is a row of one file, so that a run goes on where it was left.
 """
@@ -34,7 +35,8 @@ WEIGHTS = (1.0, 3.0, 10.0, 30.0, 100.0)
 BEYOND = {"inflation_m": (6.4,), "weight": (0.3, 300.0), "forgetting": (0.002,)}  # from the second round on, for edges
 ENOUGH, KEPT = 20, 0.25  # tries of a setting after which there is no second round; share of the settings in one
 TRIES = 2, 1  # settings of each validation course in the two rounds
-SHARED = 100  # test courses per experiment for settings that are not the chosen one
+FINALS = (8, 2), (3, 3)  # most settings of a later round, and how many of them each validation course has
+TESTED, SHARED = 7, 100  # most settings on test courses; courses per experiment of those that are not the chosen one
 BATCH = 150  # courses that are driven at the same time
 FIRST = {"validation": 0, "test": 10_000}  # number of the first course of a split
 EPISODES, ORIGIN = "episodes.csv", "provenance.json"  # files of a mapper
@@ -82,10 +84,15 @@ class Trials:
         self.directory.mkdir(parents=True, exist_ok=True)
         self._check_courses()
         labels = labels_of(self.axes)
-        first = self.episodes(design(labels, self.specs, seeds.validation, TRIES[0]))
-        if len(first) < ENOUGH * len(labels):
-            self.episodes(design(self._best(first, len(labels)), self.specs, seeds.validation, TRIES[1]))
-        tested = Surface.of(self._known().query("split == 'validation'")).tested
+        wanted = design(labels, self.specs, seeds.validation, TRIES[0])
+        rows = self.episodes(wanted)
+        if len(rows) < ENOUGH * len(labels):
+            wanted += design(self._best(rows, len(labels)), self.specs, seeds.validation, TRIES[1])
+            rows = self.episodes(wanted)
+        for most, tries in FINALS:
+            wanted += design(Surface.of(rows).often(most), self.specs, seeds.validation, tries)
+            rows = self.episodes(wanted)
+        tested = Surface.of(rows).often(TESTED)
         for label, count in zip(tested, [seeds.test] + [min(SHARED, seeds.test)] * (len(tested) - 1), strict=True):
             self.episodes([("test", name, number, label) for name in self.specs for number in range(count)])
         path = self.directory / ORIGIN
@@ -98,7 +105,7 @@ class Trials:
     def _best(self, first: pd.DataFrame, count: int) -> list[str]:
         """Return the best of a number of settings after the first round, also beyond the edges of the grid."""
         labels = labels_of({name: (*values, *BEYOND.get(name, ())) for name, values in self.axes.items()})
-        order = np.argsort(-Surface.of(first, labels).scores, kind="stable")
+        order = np.argsort(-Surface.of(first, labels).scores[0], kind="stable")
         return [labels[which] for which in order[: math.ceil(KEPT * count)]]
 
     def _check_courses(self) -> None:
@@ -120,9 +127,10 @@ class Trials:
         return pd.read_csv(path) if path.is_file() else pd.DataFrame(columns=INDEX)
 
     def episodes(self, wanted: Sequence[Wanted]) -> pd.DataFrame:
-        """Return episodes, and drive those that are missing, in batches of similar settings."""
+        """Return episodes, each once, and drive those that are missing, in batches of similar settings."""
         rows = self._known()
-        keys = [(split, experiment, FIRST[split] + number, label) for split, experiment, number, label in wanted]
+        named = ((split, name, FIRST[split] + number, label) for split, name, number, label in wanted)
+        keys = list(dict.fromkeys(named))
         known = set(rows[INDEX].itertuples(index=False, name=None))
         missing = sorted((key for key in keys if key not in known), key=lambda key: key[3])
         for first in progress(range(0, len(missing), BATCH), f"{self.name}, {keys[0][0]}"):

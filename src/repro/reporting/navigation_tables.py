@@ -1,6 +1,6 @@
 """The comparison of the mappers of task=navigate: tables, and the figure of the scores of the settings."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,11 +22,13 @@ TITLES = {
     "decay": "Hits for a time",
     "log_odds": "Log-odds grid",
     "tracker": "Tracker, constant velocity",
+    "classical": "Best classical map",
     "full_circle": "Hits of a lidar of 360 degrees",
     "truth": "True map",
     "true_velocities": "True map and velocities",
 }  # networks stand before the lidar of 360 degrees
 BEST_OF = ("scan", "keep", "decay", "log_odds", "tracker")  # the classical mappers with the robot's lidar
+BEST = "classical"  # that of them which is best on the validation courses
 ALL = "all"  # experiments together
 COLORS = (*(f"C{number}" for number in range(10)), INK)
 
@@ -60,35 +62,41 @@ class MapperResult:
 
     Args:
         surface: the scores of its settings on the validation courses.
-        settings: of the planner and the mapper, chosen with all validation courses.
-        test: episodes with them on the test courses.
-        shifts: success with the settings of each resample of the validation courses less that with these, on the test
-            courses that were driven with both, by experiment and for all, each (draws + 1,).
-        covered: share of the resamples whose settings were driven on test courses; the others have no shift.
+        test: episodes on the test courses with the settings that are chosen with all validation courses.
+        gains: success with each other setting less that with these, by test course; NaN where it was not driven.
     """
 
     surface: Surface
-    settings: str
     test: pd.DataFrame
-    shifts: Mapping[str, np.ndarray]
-    covered: float
+    gains: pd.DataFrame
 
     @classmethod
     def of(cls, driven: pd.DataFrame) -> "MapperResult":
-        """Choose the settings in each resample, and gather their test results."""
+        """Choose the settings, and gather the test results."""
         surface = Surface.of(driven[driven["split"] == "validation"])
         test = driven[driven["split"] == "test"].assign(success=lambda rows: (rows["outcome"] == "goal").astype(float))
         by_course = test.pivot(index=["experiment", "seed"], columns="settings", values="success")
-        settings = surface.chosen[0]
-        shifts = {name: np.zeros(len(surface.chosen)) for name in (ALL, *test["experiment"].unique())}
-        for label in by_course.columns.drop(settings):
-            gain = (by_course[label] - by_course[settings]).dropna()
-            for name in shifts:
-                own = gain.to_numpy() if name == ALL else gain[name].to_numpy()
-                drawn = draw_weights(len(own)) @ own / len(own)
-                shifts[name] += np.where(surface.chosen == label, drawn, 0.0)
-        covered = float(np.isin(surface.chosen[1:], by_course.columns).mean())
-        return cls(surface, settings, test[test["settings"] == settings], shifts, covered)
+        chosen = surface.chosen[0]
+        gains = by_course.drop(columns=chosen).sub(by_course[chosen], axis=0)
+        return cls(surface, test[test["settings"] == chosen], gains)
+
+    @property
+    def settings(self) -> str:
+        """The settings of the planner and the mapper that are chosen with all validation courses."""
+        return self.surface.chosen[0]
+
+    @property
+    def covered(self) -> float:
+        """Share of the resamples of the validation courses whose settings were driven on test courses."""
+        return float(np.isin(self.surface.chosen[1:], [self.settings, *self.gains]).mean())
+
+    def shifts(self, courses: pd.Index, weights: np.ndarray) -> np.ndarray:
+        """Return the success with the settings of each resample less that with the chosen ones, (draws + 1,).
+
+        Settings that were not driven on test courses have no shift.
+        """
+        is_chosen = self.surface.chosen[:, None] == self.gains.columns.to_numpy()
+        return (is_chosen * _means(self.gains.reindex(courses), weights)).sum(1)
 
 
 def mapper_results(driven: pd.DataFrame) -> dict[str, MapperResult]:
@@ -99,37 +107,86 @@ def mapper_results(driven: pd.DataFrame) -> dict[str, MapperResult]:
 def compare_mappers(found: Mapping[str, MapperResult]) -> pd.DataFrame:
     """Return one row per experiment and mapper, and one for all experiments: how well the robots drove.
 
-    Intervals are over the test courses and the choice of the settings. Differences are those to the classical mapper
-    that is best on the validation courses, on the test courses that both have; that of the time is over the courses
-    where both succeed; those that are `fixed` have no choice in them. The `lead` is that of the network, the best one
-    on the validation courses, over each mapper.
+    Intervals are over the test courses and the choice of the settings. A row of its own has the classical mapper that
+    is best on the validation courses, which each resample chooses anew. Differences are those to it, on the test
+    courses that both have; that of the time is over the courses where both succeed; those that are `fixed` have no
+    choice in them. The `lead` is that of the network, the best one on the validation courses, over each mapper.
     """
-    best = _best(found, [mapper for mapper in BEST_OF if mapper in found])
-    network = _best(found, [mapper for mapper in found if mapper not in TITLES])
+    networks = [mapper for mapper in found if mapper not in TITLES]
+    network = networks[_best(found, networks)[0]] if networks else None
+    classical = [mapper for mapper in BEST_OF if mapper in found]
+    best = _best(found, classical)
     test = pd.concat([one.test for one in found.values()], ignore_index=True).assign(spl=spl, barn=barn)
     rows = []
     for experiment, of_experiment in [(ALL, test), *test.groupby("experiment", sort=False)]:
-        by_mapper = of_experiment.pivot(index=["experiment", "seed"], columns="mapper", values=["success", "time_s"])
-        success, time_s = by_mapper["success"], by_mapper["time_s"].where(by_mapper["success"] == 1)
-        for mapper in mappers_of(success):
-            own, one = of_experiment[of_experiment["mapper"] == mapper], found[mapper]
+        draws = Draws.of(of_experiment, found)
+        for mapper in mappers_of([*draws.success, *([BEST] if len(classical) > 1 else [])]):
+            names, which = (classical, best) if mapper == BEST else ([mapper], 0 * best)
+            own, one = of_experiment[of_experiment["mapper"] == names[which[0]]], found[names[which[0]]]
             row: dict[str, Any] = {"experiment": experiment, "mapper": mapper, "title": title_of(mapper)}
             row |= {"settings": one.settings, "covered": one.covered, "episodes": len(own)}
-            row |= _interval("success", "", success[mapper], one.shifts[experiment])
-            if best is not None:
-                gain, shift = success[mapper] - success[best], one.shifts[experiment] - found[best].shifts[experiment]
-                row |= _interval("difference", "difference_fixed_", gain, 0 * shift)
-                row |= _interval("difference", "difference_", gain, shift)
-                row["time_difference_s"] = float((time_s[mapper] - time_s[best]).mean())
-            if network is not None:
-                shift = found[network].shifts[experiment] - one.shifts[experiment]
-                row |= _interval("lead", "lead_", success[network] - success[mapper], shift)
+            row |= _interval("success", "", np.choose(which, [draws.level(name) for name in names]))
+            if classical and mapper != BEST:
+                row |= _interval("difference", "difference_fixed_", draws.gain(mapper, classical[best[0]], fixed=True))
+                row |= _interval(
+                    "difference", "difference_", np.choose(best, [draws.gain(mapper, name) for name in classical])
+                )
+                row["time_difference_s"] = draws.later(mapper, classical[best[0]])
+            if network:
+                row |= _interval("lead", "lead_", np.choose(which, [draws.gain(network, name) for name in names]))
             rows.append(row | _measures(own))
     return pd.DataFrame(rows)
 
 
-def _best(found: Mapping[str, MapperResult], mappers: Iterable[str]) -> str | None:
-    return max(mappers, key=lambda mapper: found[mapper].surface.scores.max(), default=None)
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """The success of mappers in resamples of the test courses of an experiment, and of the choice of the settings.
+
+    Args:
+        success: by course and mapper; NaN where a course was not driven.
+        time_s: to the second goal, NaN where it was not reached.
+        weights: of the courses with all of them, then in each resample, (draws + 1, C).
+        shifts: see `MapperResult.shifts`, by mapper.
+    """
+
+    success: pd.DataFrame
+    time_s: pd.DataFrame
+    weights: np.ndarray
+    shifts: Mapping[str, np.ndarray]
+
+    @classmethod
+    def of(cls, test: pd.DataFrame, found: Mapping[str, MapperResult]) -> "Draws":
+        """Gather the episodes of an experiment with the chosen settings."""
+        success, time_s = (
+            test.pivot(index=["experiment", "seed"], columns="mapper", values=value) for value in ("success", "time_s")
+        )
+        weights = draw_weights(len(success))
+        shifts = {mapper: one.shifts(success.index, weights) for mapper, one in found.items()}
+        return cls(success, time_s.where(success == 1), weights, shifts)
+
+    def level(self, mapper: str) -> np.ndarray:
+        """Return the success of a mapper, (draws + 1,)."""
+        return _means(self.success[[mapper]], self.weights)[:, 0] + self.shifts[mapper]
+
+    def gain(self, mapper: str, other: str, fixed: bool = False) -> np.ndarray:
+        """Return how much more often a mapper succeeds than another one on shared courses, (draws + 1,)."""
+        gain = _means((self.success[mapper] - self.success[other]).to_frame(), self.weights)[:, 0]
+        return gain if fixed else gain + self.shifts[mapper] - self.shifts[other]
+
+    def later(self, mapper: str, other: str) -> float:
+        """Return how much longer a mapper takes than another one where both succeed [s]."""
+        return float((self.time_s[mapper] - self.time_s[other]).mean())
+
+
+def _means(values: pd.DataFrame, weights: np.ndarray) -> np.ndarray:
+    """Return the means over the courses that have a value, (draws + 1, columns); 0 if none has one."""
+    known = values.notna().to_numpy(float)
+    return weights @ values.fillna(0).to_numpy() / np.maximum(weights @ known, 1)
+
+
+def _best(found: Mapping[str, MapperResult], mappers: Sequence[str]) -> np.ndarray:
+    """Return which mapper is best with all validation courses, then in each resample, (draws + 1,)."""
+    return np.argmax([found[mapper].surface.scores.max(1) for mapper in mappers] or [[0]], axis=0)
 
 
 def title_of(mapper: str) -> str:
@@ -171,10 +228,7 @@ def _measures(own: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def _interval(name: str, prefix: str, values: pd.Series, shift: np.ndarray) -> dict[str, float]:
-    """Return the mean of values and its interval, with shifts of its draws; courses that were not driven have none."""
-    known = values.dropna().to_numpy()
-    drawn = draw_weights(len(known)) @ known / len(known) + shift
+def _interval(name: str, prefix: str, drawn: np.ndarray) -> dict[str, float]:
     low, high = bounds(drawn.clip(-1 if prefix else 0, 1))
     return {name: float(drawn[0]), f"{prefix}low": float(low), f"{prefix}high": float(high)}
 
@@ -184,7 +238,7 @@ def surfaces_of(found: Mapping[str, MapperResult]) -> pd.DataFrame:
     rows = []
     for mapper, surface in ((mapper, one.surface) for mapper, one in found.items()):
         counts, shares = surface.driven.sum(0), [(surface.chosen[1:] == label).mean() for label in surface.labels]
-        for label, score, count, share in zip(surface.labels, surface.scores, counts, shares, strict=True):
+        for label, score, count, share in zip(surface.labels, surface.scores[0], counts, shares, strict=True):
             known = {"mapper": mapper, "settings": label, "episodes": count, "score": score, "chosen": share}
             rows.append(known | settings_of(label))
     return pd.DataFrame(rows)
