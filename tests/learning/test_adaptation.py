@@ -3,12 +3,14 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 from conftest import ROOT, read_calls
 
+from repro.cli import log_adaptation
 from repro.cli.jobs import Job
 from repro.cli.tasks import adapt as task
 from repro.learning import adaptation, rehearsal
@@ -26,6 +28,7 @@ from repro.recordings.datasets import HIDDEN, Pairs
 from repro.scans import wrapped
 from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import simulate
+from repro.system.errors import InputError
 from repro.worlds.spec import read_world, world_spec
 
 PREDICTOR = load_trained("rooms")
@@ -175,6 +178,22 @@ def test_statistics_are_widened_and_keep_their_median():
     both = one.widened(other)
     assert both.windows == 15
     assert both.quantiles == {"path_m": (0.5, 2.0, 3.0, 4.0, 7.0), "valid_share": (0.5, 1.0, 1.0, 1.0, 1.0)}
+
+
+def test_too_few_windows_are_refused_before_worlds_are_recorded(tmp_path, monkeypatch):
+    monkeypatch.setattr(log_adaptation, "_labeled", lambda *_, seed: (SimpleNamespace(pairs=[0]), None))
+    monkeypatch.setattr(log_adaptation, "rehearsed", None)
+    (call,) = read_calls("task=adapt", "adaptation.logs=examples/rooms.npz", f"outputs={tmp_path}")
+    with pytest.raises(InputError, match="the logs have 1 windows for training, expected 4 or more"):
+        task.run(Job(call))
+
+
+def test_outputs_that_cannot_be_written_are_refused_before_a_network_is_loaded(tmp_path, monkeypatch):
+    monkeypatch.setattr(log_adaptation, "load_trained", None)
+    (tmp_path / "file").touch()
+    (call,) = read_calls("task=adapt", "adaptation.logs=examples/rooms.npz", f"outputs={tmp_path / 'file'}")
+    with pytest.raises(NotADirectoryError):
+        task.run(Job(call))
 
 
 @pytest.mark.slow
