@@ -89,7 +89,7 @@ def test_what_a_network_lacks_without_effect_it_lacks_after_another_trained_too(
     trained, images = ConvGRU(8, 4, hidden=16).eval(), torch.rand(2, 8, 32, 32)
     save_trained(Predictor(TorchNetwork(trained), Series(4), Grid(32, 25.0)), tmp_path / "model")
     network = ConvGRU(8, 4, hidden=16, indexed=True).eval()
-    start_from(network, str(tmp_path / "model"))
+    start_from(network, str(tmp_path))  # as a run
     assert torch.equal(network(images), trained(images))
     torch.nn.init.ones_(network.of_part)
     assert not torch.equal(network(images), trained(images))

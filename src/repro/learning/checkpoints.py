@@ -12,8 +12,7 @@ import torch
 from lightning.pytorch.plugins.io import TorchCheckpointIO
 from torch import nn
 
-from repro.learning.networks.torch_files import read_torch
-from repro.networks.weights import locate
+from repro.learning.networks.trained import load_trained, module_of
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, replacing
 
@@ -82,7 +81,7 @@ def start_from(network: nn.Module, weights: str) -> None:
     """
     try:
         without_effect = {name: values for name, values in network.state_dict().items() if not values.any()}
-        network.load_state_dict(without_effect | read_torch(locate(weights))[0].state_dict())
+        network.load_state_dict(without_effect | module_of(load_trained(weights)).state_dict())
     except RuntimeError as error:
         raise InputError(
             f"train.weights={weights}: expected a network of the same form, got another: {error}"

@@ -159,19 +159,19 @@ def _predictor(network: nn.Module, spec: WorldSpec, config: RunConfig, statistic
 
 
 def _training_module(recordings: Recordings, config: RunConfig, device: str) -> TrainingModule:
-    """Load the data and create the network of a run's configuration."""
+    """Create the network of a run's configuration and load the data."""
     assert config.train is not None, "a baseline is not trained"
     assert config.seed is not None, "a baseline is not trained"
+    torch.manual_seed(config.seed)
+    encoding = encoding_of(config)
+    network = create_network(config.model, encoding.channels, encoding.frames)
+    check_interface(network, encoding.channels, config.data.size_px)
+    if config.train.weights is not None:  # before the data are drawn, which takes minutes
+        start_from(network, config.train.weights)
     shown = config.train.loss == "shown"
     train_pairs, val_pairs = (
         load_pairs_of_run(recordings, split, config, device, marks_hidden=shown) for split in ("train", "val")
     )
-    torch.manual_seed(config.seed)
-    encoding = train_pairs.encoding
-    network = create_network(config.model, encoding.channels, encoding.frames)
-    check_interface(network, encoding.channels, config.data.size_px)
-    if config.train.weights is not None:
-        start_from(network, config.train.weights)
     accelerate(network, device)
     keep_freed_memory()  # for the training steps; the data is loaded before
     loss = MapLoss(config.train.dice_eps) if config.train.loss == "map" else ShownLoss()  # nothing is marked: Eq. 1
