@@ -60,6 +60,7 @@ CALLS = {
     "-m task=all,report exp=3": "task=all,report: a sweep has one task",
     "-m task=report exp=3,4": "task=report: is done once for all runs",
     "-m exp=3 hydra/launcher=slurm": "srun is not found",
+    "-m exp=3 hydra/launcher=fly": "hydra/launcher=fly: must be one of basic, cores",
     # what Hydra's grammar and options do not take
     "outputs=a#b": """quote the value for Hydra and for the shell: 'outputs="a#b"'""",
     "outputs=${foo}": "'foo' not found",
@@ -274,7 +275,7 @@ def test_a_sweep_of_other_data_than_that_of_its_outputs_is_refused_once(tmp_path
     assert capsys.readouterr().err.count("has other data than") == 1
 
 
-def test_a_training_without_recordings_is_refused_before_anything_is_written(tmp_path):
+def test_a_training_without_recordings_is_refused_before_its_run_begins(tmp_path):
     (call,) = read_calls("task=train", "exp=3", *TINY, f"outputs={tmp_path / 'out'}")
     with pytest.raises(InputError, match=r"no complete recordings in .*exp3"):
         train.run(Job(call))

@@ -231,7 +231,7 @@ def _reason(error: Exception) -> str:
     words = " ".join(line.strip() for line in text.splitlines() if not line.strip().startswith(_DETAILS))
     if isinstance(error, YAMLError | RecursionError | UnicodeDecodeError) or not words:
         return f"a configuration file cannot be read: {words or 'it has a key that is no text'}"
-    if absent := re.fullmatch(r"In 'config': Could not find '(.+)/(.+)' +Available options in '.+': (.+)", words):
+    if absent := re.fullmatch(r"In '.*config': Could not find '(.+)/(.+)' +Available options in '.+': (.+)", words):
         return f"{absent[1]}={absent[2]}: must be one of {', '.join(absent[3].split())}"
     where = re.search(r"^\s*full_key: (.+)$", str(error), re.MULTILINE)
     words = f"{where[1]}: {words}" if where and "nterpolation" in words else words

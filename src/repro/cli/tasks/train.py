@@ -13,7 +13,7 @@ def run(job: Job) -> None:
     """Train the network of a run from where it was left, unless it is trained."""
     job.outputs.check_data(job.config)
     if not job.run.is_trained:
-        open_recordings(job.recordings)  # which refuses before anything is written, and PyTorch is loaded
+        open_recordings(job.recordings)  # which refuses before the run begins, and PyTorch is loaded
     job.run.prepare(job.config)
     if not job.run.is_trained:
         say(f"training {job.run}, after PyTorch is loaded")
