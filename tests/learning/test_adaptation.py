@@ -1,6 +1,7 @@
 """Networks that learn from the beams of a wide lidar outside of their view."""
 
 import math
+import resource
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +13,7 @@ from conftest import ROOT, read_calls
 
 from repro.cli import log_adaptation
 from repro.cli.jobs import Job
+from repro.cli.main import perform
 from repro.cli.tasks import adapt as task
 from repro.learning import adaptation, rehearsal
 from repro.learning.adaptation import PartialLoss, adapt, label
@@ -188,12 +190,17 @@ def test_too_few_windows_are_refused_before_worlds_are_recorded(tmp_path, monkey
         task.run(Job(call))
 
 
-def test_outputs_that_cannot_be_written_are_refused_before_a_network_is_loaded(tmp_path, monkeypatch):
-    monkeypatch.setattr(log_adaptation, "load_trained", None)
-    (tmp_path / "file").touch()
-    (call,) = read_calls("task=adapt", "adaptation.logs=examples/rooms.npz", f"outputs={tmp_path / 'file'}")
-    with pytest.raises(NotADirectoryError):
-        task.run(Job(call))
+def test_outputs_that_take_no_network_are_refused_before_logs_are_read(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(log_adaptation, "_labeled", None)
+    (call,) = read_calls("task=adapt", "adaptation.logs=examples/rooms.npz", f"outputs={tmp_path}")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, limits[1]))  # as a full disk
+    try:
+        assert perform(call).startswith(f"{tmp_path}/adapted")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert "rooms: File too large: free some space" in capsys.readouterr().err
+    assert not list((tmp_path / "adapted").iterdir())
 
 
 @pytest.mark.slow

@@ -146,11 +146,7 @@ def _jobs(overrides: list[str], multirun: bool) -> list[list[str]]:
         Refused: an override is wrong, or there are no jobs.
     """
     parsed = OverridesParser.create(GlobalHydra.instance().config_loader()).parse_overrides(overrides)
-    errors = [error for override in parsed for error in _override_errors(override)]
-    errors += [
-        f"{override.input_line}: {_SWEPT}" for override in parsed if override.is_sweep_override() and not multirun
-    ]
-    if errors:
+    if errors := [error for override in parsed for error in _override_errors(override, multirun)]:
         raise Refused(*errors)
     if not multirun:
         return [overrides]
@@ -181,11 +177,13 @@ def _file_errors(overrides: list[str], places: list[Path]) -> Iterator[str]:
                 continue
 
 
-def _override_errors(override: Override) -> Iterator[str]:
+def _override_errors(override: Override, multirun: bool) -> Iterator[str]:
     """Yield what is wrong with an override that Hydra would accept, or refuse without naming it or after other jobs."""
     key, written = override.key_or_group, override.input_line
     if not key:
         yield f"{written}: {_NO_OVERRIDE}"
+    elif override.is_sweep_override() and not multirun:
+        yield f"{written}: several values: -m runs a job for each, [a,b] is a list, and quotes keep a comma"
     elif key in GROUPS and not (override.is_sweep_override() or isinstance(override._value, str | QuotedString)):
         yield f"{written}: takes one name; for a sweep over several, use -m {key}=a,b; a number is quoted"
     elif key == "hydra/launcher" and "slurm" in str(written) and not shutil.which("srun"):
@@ -244,5 +242,4 @@ def _reason(error: Exception) -> str:
 
 
 _NO_OVERRIDE = "an override is key=value"
-_SWEPT = "several values: -m runs a job for each, [a,b] is a list, and quotes keep a comma, 'key=\"a,b\"'"
 _DETAILS = ("full_key", "object_type", "reference_type")  # lines that say nothing to a user

@@ -30,9 +30,10 @@ def adapt_to_logs(job: Job, target: Path) -> None:
     paths = [Path(log) for log in job.call.adaptation.logs or ()]
     if target.exists():
         raise InputError(f"{target} exists: set adaptation.name to another one, or delete it")
-    target.parent.mkdir(parents=True, exist_ok=True)
-    tempfile.TemporaryFile(dir=target.parent).close()  # refuses, before hours of work, a directory that is read-only
     predictor = load_trained(settings.weights)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target.parent) as directory:  # which is refused before hours of work
+        save_trained(predictor, Path(directory) / target.name)
     device = resolve_device(runtime.accelerator)
     with few_threads():
         logs = [_labeled(path, predictor, settings, seed=number) for number, path in enumerate(paths)]
