@@ -8,21 +8,27 @@ import operator
 import os
 import re
 import shutil
+import sys
 from typing import Any
 
 import hydra
 import pytest
-from conftest import cpu_seconds, read_calls, refuse, run_py
+from conftest import TINY, cpu_seconds, fake_run, read_calls, refuse, run_py
 
+from repro.cli import main
 from repro.cli.call import read_call
+from repro.cli.jobs import Job
 from repro.cli.refusals import Refused
+from repro.cli.tasks import train
+from repro.system.errors import InputError
 from repro.system.project import conf_directory
 from repro.worlds.spec import plain
 
 LIDAR = "world.robot.sensors.0"
 CALLS = {
     # unknown keys, and what the message suggests
-    "train.lr=3": "known are learning_rate",
+    "train.lr=3": "train.lr: is not a known key; known are learning_rate",
+    "model.parameters.centred=true": "is not a known key; +model.parameters.centred=... adds it",
     "scale.sizepx=64": "did you mean scale.size_px?",
     "sed=1": "did you mean seed?",
     "encoding.decay=true": "did you mean encoding.parameters.decay or decay?",
@@ -36,9 +42,10 @@ CALLS = {
     # groups take one name
     "model=[unet,fpn]": "use -m model=a,b",
     "model=1": "takes one name",
-    "model=unte": "Available options in 'model': convgru convlstm",
+    "model=unte": "model=unte: must be one of convgru, convlstm, fpn",
     # sweeps
-    "exp=3,4": "To sweep over it, add --multirun",
+    "exp=3,4": "exp=3,4: several values: -m runs a job for each",
+    "task=predict scans=a,b": "[a,b] is a list",
     "--config-name other": "--config-name: not understood",
     "task=predict scans=${nokey}": "scans: Interpolation key 'nokey' not found",
     "task=predict scans=a\udcff.npz": r"scans=a\xff.npz: is no printable text in UTF-8: rename the file",
@@ -53,10 +60,12 @@ CALLS = {
     "-m task=all,report exp=3": "task=all,report: a sweep has one task",
     "-m task=report exp=3,4": "task=report: is done once for all runs",
     "-m exp=3 hydra/launcher=slurm": "srun is not found",
+    "-m exp=3 hydra/launcher=fly": "hydra/launcher=fly: must be one of basic, cores",
     # what Hydra's grammar and options do not take
     "outputs=a#b": """quote the value for Hydra and for the shell: 'outputs="a#b"'""",
     "outputs=${foo}": "'foo' not found",
-    "exp": "missing EQUAL",
+    "exp": "exp: an override is key=value",
+    "=3": "=3: an override is key=value",
     "--exp=3": "overrides without dashes",
     "--config-dir=nowhere": "is not a directory",
     # types
@@ -66,6 +75,9 @@ CALLS = {
     # tasks: what they need, and what has no effect; README.md stands for any file
     "task=fly": "task=fly: must be one of adapt, all, analysis",
     "task=predict": "scans: is needed with task=predict",
+    "task=adapt": "adaptation.logs: is needed with task=adapt",
+    "task=adapt adaptation.logs=[README.md,5]": "must be a file, or a list of files, [a.bag,b.bag]",
+    "task=adapt adaptation.logs=README.md prediction.weights=fly": "prediction.weights: fly: no such weights, expected",
     "task=predict scans=README.md model=fpn": "model=fpn: has no effect with task=predict, prediction.weights chooses",
     "task=demo seed=1": "seed=1: has no effect with task=demo, demo.networks chooses the network",
     "task=world prediction.fov_deg=60": "prediction.fov_deg=60: is for task=adapt, navigate, predict only",
@@ -104,7 +116,7 @@ CALLS = {
     "runtime.accelerator=gpu": "no CUDA GPU is visible",
 }
 PATHS = {  # files that cannot be read; {tmp} is a directory with a pipe
-    "outputs=''": "at least 1 character",
+    "outputs=''": "outputs=: must have at least 1 character",
     "task=predict scans={tmp}/nowhere.npz": "No such file or directory",
     "task=predict scans=/dev/zero": "is neither a file nor a directory",
 }
@@ -253,6 +265,21 @@ def test_all_reasons_of_all_jobs_are_listed_once():
 def test_every_job_of_a_sweep_is_composed():
     jobs = [(job.model.name, job.exp, job.seed) for job in read_calls("-m", "model=unet,fpn", "exp=3,4", "seed=0")]
     assert sorted(jobs) == sorted((model, exp, 0) for model, exp in itertools.product(("unet", "fpn"), "34"))
+
+
+def test_a_sweep_of_other_data_than_that_of_its_outputs_is_refused_once(tmp_path, monkeypatch, capsys):
+    fake_run(tmp_path, "3", "unet", 0.5)
+    monkeypatch.setattr(main, "_prepare_process", lambda: None)
+    monkeypatch.setattr(sys, "argv", ["run.py", "-m", "exp=3", "model=unet,fpn", *TINY, f"outputs={tmp_path}"])
+    assert main.main() == 2
+    assert capsys.readouterr().err.count("has other data than") == 1
+
+
+def test_a_training_without_recordings_is_refused_before_its_run_begins(tmp_path):
+    (call,) = read_calls("task=train", "exp=3", *TINY, f"outputs={tmp_path / 'out'}")
+    with pytest.raises(InputError, match=r"no complete recordings in .*exp3"):
+        train.run(Job(call))
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,19 @@
 """Networks that learn from the beams of a wide lidar outside of their view."""
 
 import math
+import resource
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 from conftest import ROOT, read_calls
 
+from repro.cli import log_adaptation
 from repro.cli.jobs import Job
+from repro.cli.main import perform
 from repro.cli.tasks import adapt as task
 from repro.learning import adaptation, rehearsal
 from repro.learning.adaptation import PartialLoss, adapt, label
@@ -26,6 +30,7 @@ from repro.recordings.datasets import HIDDEN, Pairs
 from repro.scans import wrapped
 from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import simulate
+from repro.system.errors import InputError
 from repro.worlds.spec import read_world, world_spec
 
 PREDICTOR = load_trained("rooms")
@@ -175,6 +180,27 @@ def test_statistics_are_widened_and_keep_their_median():
     both = one.widened(other)
     assert both.windows == 15
     assert both.quantiles == {"path_m": (0.5, 2.0, 3.0, 4.0, 7.0), "valid_share": (0.5, 1.0, 1.0, 1.0, 1.0)}
+
+
+def test_too_few_windows_are_refused_before_worlds_are_recorded(tmp_path, monkeypatch):
+    monkeypatch.setattr(log_adaptation, "_labeled", lambda *_, seed: (SimpleNamespace(pairs=[0]), None))
+    monkeypatch.setattr(log_adaptation, "rehearsed", None)
+    (call,) = read_calls("task=adapt", "adaptation.logs=examples/rooms.npz", f"outputs={tmp_path}")
+    with pytest.raises(InputError, match="the logs have 1 windows for training, expected 4 or more"):
+        task.run(Job(call))
+
+
+def test_outputs_that_take_no_network_are_refused_before_logs_are_read(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(log_adaptation, "_labeled", None)
+    (call,) = read_calls("task=adapt", "adaptation.logs=examples/rooms.npz", f"outputs={tmp_path}")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, limits[1]))  # as a full disk
+    try:
+        assert perform(call).startswith(f"{tmp_path}/adapted")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert "rooms: File too large: free some space" in capsys.readouterr().err
+    assert not list((tmp_path / "adapted").iterdir())
 
 
 @pytest.mark.slow

@@ -49,7 +49,7 @@ def test_a_path_may_be_relative_and_what_is_missing_is_named(tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     (tmp_path / "own").mkdir()
     assert locate("own").resolve() == tmp_path / "own"
-    for missing in ("room", "owner/name", "", "/nowhere/at/all"):
+    for missing in ("room", "owner/name", "", "/nowhere/at/all", "x" * 300):
         with pytest.raises(
             ValueError, match=f"^{missing}: no such weights, expected one of buildings, .*, rooms, or a"
         ):

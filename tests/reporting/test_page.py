@@ -77,6 +77,7 @@ def test_the_page_is_complete_well_formed_and_self_contained(outputs):
     assert not re.search(r"https?://", page)
     assert len(page) < 15_000_000
     assert f"python run.py task=analysis scale=first outputs={outputs}" in page
+    assert f"recordings in <code>{outputs}</code>" in page
     assert "Scale first: 32 x 32 px, 16 training and 8 test pairs" in page
     assert page.index("Accuracy differs from the paper") < page.index("<figure>") < page.index("<table>")
     for section in ("tables", "claims", "where", "calibration", "baselines"):

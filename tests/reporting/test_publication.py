@@ -61,7 +61,7 @@ def write_intervals(path, rows):
 @pytest.mark.parametrize("directory", DIRECTORIES, ids=lambda path: path.name)
 def test_every_published_run_has_its_provenance(directory):
     runs = read_published(directory)
-    assert len(read_origins(directory, keys_of(runs))) == len(runs)
+    assert sorted(read_origins(directory)) == sorted(str(key.path) for key in keys_of(runs))
     origins = json.loads((directory / "provenance.json").read_text())
     for origin in origins.values():
         assert origin["status"] == "evaluated"
@@ -185,14 +185,6 @@ def test_published_runs_that_are_damaged_are_refused(old, new, message, publishe
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(ValueError, match=rf"laptop/runs\.csv cannot be read \(.*{message}.*\): restore"):
         with_results("<!-- results: laptop main -->\n<!-- end -->", published)
-
-
-def test_a_run_without_provenance_is_named(published):
-    path, name = published / "laptop" / "provenance.json", "runs/exp3/unet/projection/seed0"
-    whole = json.loads(path.read_text())
-    path.write_text(json.dumps({key: value for key, value in whole.items() if key != name}))
-    with pytest.raises(ValueError, match=rf"provenance\.json lacks 1 runs .*{name}"):
-        read_origins(path.parent, keys_of(read_published(path.parent)))
 
 
 def test_rows_keep_the_names_of_experiments_and_baselines(tmp_path):

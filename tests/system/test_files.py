@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from repro.runs.directories import read_table
-from repro.system.files import clear_leftovers, lock, read_mapping, replacing, write_text
+from repro.system.files import clear_leftovers, lock, read_mapping, replacing, replacing_directory, write_text
 
 
 def _write_often(path: Path, word: str, errors) -> None:
@@ -46,6 +46,13 @@ def test_a_failed_write_leaves_the_previous_file(tmp_path):
         write_half()
     assert (tmp_path / "file").read_text() == "whole"
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_an_error_of_a_full_disk_names_the_directory(tmp_path):
+    with pytest.raises(OSError, match="full") as raised, replacing_directory(tmp_path / "results"):
+        raise OSError(errno.ENOSPC, "full")
+    assert raised.value.filename == str(tmp_path / "results")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_directory_that_was_being_replaced_is_moved_back(tmp_path):
@@ -116,5 +123,5 @@ def test_an_unreadable_mapping_or_table_is_named_with_a_fix(tmp_path, name, cont
     if content is not None:
         (tmp_path / name).write_text(content)
     read = (lambda path, fix: read_table(path, ("a", "b"), fix)) if name == "t.csv" else read_mapping
-    with pytest.raises(ValueError, match=rf"{name} cannot be read \(.*\): do this"):
+    with pytest.raises(ValueError, match=rf"{name} cannot be read \((?!\[Errno).*\): do this"):
         read(tmp_path / name, "do this")

@@ -165,19 +165,14 @@ def tune(
     return free, {**chosen, "free_steps": free_steps}
 
 
-def climb(
-    score: Callable[[tuple[float, ...]], float],
-    candidates: list[Sequence[float]],
-    start: tuple[float, ...] | None = None,
-) -> tuple[float, ...]:
+def climb(score: Callable[[tuple[float, ...]], float], candidates: list[Sequence[float]]) -> tuple[float, ...]:
     """Return values, one of each list of candidates, from which no step of a single one raises the score.
 
     Args:
         score: what is climbed.
-        candidates: the values of each setting, in ascending order.
-        start: the values to start from; None for the middle ones.
+        candidates: the values of each setting, in ascending order; the middle ones are the start.
     """
-    best, before = start or tuple(values[len(values) // 2] for values in candidates), None
+    best, before = tuple(values[len(values) // 2] for values in candidates), None
     while best != before:
         before = best
         for which, values in enumerate(candidates):

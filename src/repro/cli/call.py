@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from operator import attrgetter
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -17,7 +18,7 @@ from pydantic import (
 )
 
 from repro.cli.refusals import Refused, did_you_mean
-from repro.cli.settings import Adaptation, Demo, Log, Navigation, Prediction, Publish, Runtime, UserPath
+from repro.cli.settings import Adaptation, Demo, Files, Navigation, Prediction, Publish, Runtime, UserPath
 from repro.cli.tasks import Task, tasks
 from repro.runs.config import RECURRENT, EncodingChoice, Scale, Training
 from repro.runs.model import NETWORKS, PAPER_ENCODER, Model
@@ -66,7 +67,7 @@ class Call:
     train: Training
     runtime: Runtime
     format: Literal["torch", "onnx"]
-    scans: Log | None  # validated to a list of names
+    scans: Files | None
     prediction: Prediction
     adaptation: Adaptation
     navigation: Navigation
@@ -128,7 +129,7 @@ class Call:
         if model.kind in RECURRENT and "frames" not in encoding.parameters:
             expected = f"model {model.kind} takes a series of images: encoding=series10, counts10 or stack10"
             yield f"encoding={encoding.name}: {expected}"
-        if task.needs and getattr(self, task.needs) is None:
+        if task.needs and attrgetter(task.needs)(self) is None:
             yield f"{task.needs}: is needed with task={self.task}"
         unknown = [name for name in self.navigation.experiments if name not in specs]
         if self.task == "navigate" and unknown:
@@ -139,6 +140,8 @@ class Call:
             yield f"train.batch_size={batch}: must be at most the {pairs} training pairs"
         if task.trains and self.train.weights is not None and (error := _weights_error(self.train.weights)):
             yield f"train.weights: {error}"
+        if "prediction" in task.own and (error := _weights_error(self.prediction.weights)):
+            yield f"prediction.weights: {error}"
         if task.trains and (self.runtime.accelerator == "cpu" or not has_gpu()):
             size_px, total_gb = self.scale.size_px, total_memory_gb()
             needed = training_memory_gb(size_px, batch, pairs + self.scale.pairs.val, encoding.most_channels)

@@ -33,6 +33,7 @@ from repro.runs.config import NO_DECAY, EncodingChoice
 from repro.runs.keys import RunKey
 from repro.runs.parallel import has_gpu, parallel_trainings
 from repro.system.errors import InputError
+from repro.system.fields import UNKNOWN_KEY
 from repro.system.files import check_size
 from repro.system.progress import progress
 from repro.system.project import conf_directory
@@ -145,7 +146,7 @@ def _jobs(overrides: list[str], multirun: bool) -> list[list[str]]:
         Refused: an override is wrong, or there are no jobs.
     """
     parsed = OverridesParser.create(GlobalHydra.instance().config_loader()).parse_overrides(overrides)
-    if errors := [error for override in parsed for error in _override_errors(override)]:
+    if errors := [error for override in parsed for error in _override_errors(override, multirun)]:
         raise Refused(*errors)
     if not multirun:
         return [overrides]
@@ -176,11 +177,13 @@ def _file_errors(overrides: list[str], places: list[Path]) -> Iterator[str]:
                 continue
 
 
-def _override_errors(override: Override) -> Iterator[str]:
+def _override_errors(override: Override, multirun: bool) -> Iterator[str]:
     """Yield what is wrong with an override that Hydra would accept, or refuse without naming it or after other jobs."""
     key, written = override.key_or_group, override.input_line
     if not key:
-        yield f"{written}: an override is key=value"
+        yield f"{written}: {_NO_OVERRIDE}"
+    elif override.is_sweep_override() and not multirun:
+        yield f"{written}: several values: -m runs a job for each, [a,b] is a list, and quotes keep a comma"
     elif key in GROUPS and not (override.is_sweep_override() or isinstance(override._value, str | QuotedString)):
         yield f"{written}: takes one name; for a sweep over several, use -m {key}=a,b; a number is quoted"
     elif key == "hydra/launcher" and "slurm" in str(written) and not shutil.which("srun"):
@@ -214,8 +217,10 @@ def _hydra_part(config: DictConfig) -> dict[str, Any]:
 
 def _reason(error: Exception) -> str:
     """Return in one line why a call cannot be composed: Hydra's words, and what may have been meant."""
-    if isinstance(error, OverrideParseException) and "=" in error.override:
-        key, _, value = error.override.partition("=")
+    if isinstance(error, OverrideParseException):
+        key, equals, value = error.override.partition("=")
+        if not equals:
+            return f"{error.override}: {_NO_OVERRIDE}"
         if not error.override.isprintable():  # as the bytes of a name in another encoding
             name = error.override.encode("utf-8", "surrogateescape")
             return f"{ascii(name)[2:-1]}: is no printable text in UTF-8: rename the file, or make a link to it"
@@ -224,11 +229,17 @@ def _reason(error: Exception) -> str:
     words = " ".join(line.strip() for line in text.splitlines() if not line.strip().startswith(_DETAILS))
     if isinstance(error, YAMLError | RecursionError | UnicodeDecodeError) or not words:
         return f"a configuration file cannot be read: {words or 'it has a key that is no text'}"
+    if absent := re.fullmatch(r"In '.*config': Could not find '(.+)/(.+)' +Available options in '.+': (.+)", words):
+        return f"{absent[1]}={absent[2]}: must be one of {', '.join(absent[3].split())}"
     where = re.search(r"^\s*full_key: (.+)$", str(error), re.MULTILINE)
     words = f"{where[1]}: {words}" if where and "nterpolation" in words else words
     cause = f": {str(error.__cause__).splitlines()[0]}" if error.__cause__ else ""
-    unknown = re.match(r"Could not override '(?!hydra)([^']*)'", text)
-    return f"{words}{cause}{did_you_mean(unknown[1], plain(hydra.compose('config'))) if unknown else ''}"
+    if unknown := re.match(r"Could not override '(?!hydra)([^']*)'", text):
+        key, is_open = unknown[1], ".parameters." in unknown[1] or unknown[1].startswith("world.")
+        adding = f"; +{key}=... adds it" if is_open else ""
+        return f"{key}: {UNKNOWN_KEY}{did_you_mean(key, plain(hydra.compose('config')))}{adding}"
+    return f"{words}{cause}"
 
 
+_NO_OVERRIDE = "an override is key=value"
 _DETAILS = ("full_key", "object_type", "reference_type")  # lines that say nothing to a user

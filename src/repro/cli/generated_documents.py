@@ -23,7 +23,7 @@ def update_docs() -> None:
 def _update(path: Path, text: str) -> None:
     if text != path.read_text(encoding="utf-8"):
         write_text(path, text)
-        print(f"updated {path.relative_to(ROOT)}")
+        print(f"updated {path}")
 
 
 if __name__ == "__main__":

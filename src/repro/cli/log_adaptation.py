@@ -8,7 +8,7 @@ from pathlib import Path
 from repro.cli.jobs import Job
 from repro.cli.log_prediction import read
 from repro.cli.settings import Prediction
-from repro.learning.adaptation import adapt, label
+from repro.learning.adaptation import SCHEDULE, adapt, label
 from repro.learning.held_out import View
 from repro.learning.labels import Labeled
 from repro.learning.networks.trained import load_trained, save_trained
@@ -24,22 +24,24 @@ def adapt_to_logs(job: Job, target: Path) -> None:
     """Adapt the network of a call to its logs, and write it to a new directory.
 
     Raises:
-        InputError: no log is given, one cannot be used, the directory exists, or the validation loss does not fall.
+        InputError: a log cannot be used, the directory exists, or the validation loss does not fall.
     """
     settings, runtime, origin = job.call.prediction, job.call.runtime, environment()
-    paths = [Path(log) for log in job.call.adaptation.logs]
-    if not paths:
-        raise InputError("adaptation.logs: is needed with task=adapt, such as adaptation.logs=[a.log,b.bag]")
+    paths = [Path(log) for log in job.call.adaptation.logs or ()]
     if target.exists():
         raise InputError(f"{target} exists: set adaptation.name to another one, or delete it")
     predictor = load_trained(settings.weights)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target.parent) as directory:  # which is refused before hours of work
+        save_trained(predictor, Path(directory) / target.name)
     device = resolve_device(runtime.accelerator)
     with few_threads():
         logs = [_labeled(path, predictor, settings, seed=number) for number, path in enumerate(paths)]
+        if (count := sum(len(train.pairs) for train, _ in logs)) < SCHEDULE.batch_size:
+            raise InputError(f"the logs have {count} windows for training, expected {SCHEDULE.batch_size} or more")
         precision = resolve_precision(runtime.precision, device)
-        simulated = rehearsed(predictor, sum(len(train.pairs) for train, _ in logs))
+        simulated = rehearsed(predictor, count)
         adapted, before, after = adapt(predictor, logs, simulated, device=device, precision=precision)
-    target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent) as directory:
         new = Path(directory) / target.name
         save_trained(adapted, new)

@@ -43,7 +43,7 @@ def main() -> int:
     try:
         _check_directory()
         return _run_call()
-    except Refused as refused:
+    except InputError as refused:
         print("error: this cannot be run", *(f"  {reason}" for reason in refused.args), sep="\n", file=sys.stderr)
         return 2
     except BrokenPipeError:  # such as | head
@@ -178,6 +178,8 @@ def _run_one(call: Call, job: Composed) -> str | None:
 
 def _run_sweep(calls: list[Call], jobs: list[Composed]) -> int:
     """Run the jobs of a sweep by Hydra's launcher, then print its tables and failures; return the exit status."""
+    for call in {call.outputs: call for call in calls if call.facts.trains}.values():
+        Job(call).outputs.check_data(Job(call).config)  # which every job would refuse
     if not has_gpu():
         use_one_thread()
     results = launch(jobs, run_composed)

@@ -33,21 +33,20 @@ def _is_there(name: str) -> str:
 
 Text = Annotated[str, Field(min_length=1)]
 UserPath = Annotated[Text, AfterValidator(os.path.expanduser)]
-Source = Annotated[UserPath, AfterValidator(_is_there)]
 
 
 def _files(value: Any) -> list[str]:
-    """Return the files of a log, which are one or a list of several, as a list."""
+    """Return one file, or a list of files, as a list."""
     names = value if isinstance(value, list) else [value]
     if not names or not all(isinstance(name, str) and name for name in names):
-        raise InputError("must be a file, or the files of one log, [a.bag,b.bag]")
+        raise InputError("must be a file, or a list of files, [a.bag,b.bag]")
     try:
         return [_is_there(os.path.expanduser(name)) for name in names]
     except InputError as error:
         raise InputError(str(error) if len(names) == 1 else f"{error}, one of them") from error
 
 
-Log = Annotated[Any, AfterValidator(_files)]
+Files = Annotated[Any, AfterValidator(_files)]  # validated to a list of names
 
 
 def _has_device(accelerator: str) -> str:
@@ -102,7 +101,7 @@ class Adaptation:
 
     __pydantic_config__ = KNOWN_KEYS
 
-    logs: list[Source]
+    logs: Files | None
     name: Name | None
 
 

@@ -27,7 +27,7 @@ def locate(weights: str | Path) -> Path:
     if name in NAMED_NETWORKS:
         return DIRECTORY / name
     paths = Path(os.path.expanduser(name)), project_directory() / name
-    if found := [path for path in paths if name and path.exists()]:
+    if found := [path for path in paths if name and os.path.exists(path)]:
         return found[0]
     known = ", ".join(NAMED_NETWORKS)
     raise InputError(f"{name}: no such weights, expected one of {known}, or a directory or ONNX file that exists")

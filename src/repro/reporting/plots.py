@@ -15,6 +15,7 @@ from repro.reporting.names import experiment_title
 INK, ACCENT = "#222222", "#0b6e99"
 STYLE: Any = {"font.size": 9, "axes.titlesize": 9, "axes.edgecolor": INK, "pdf.fonttype": 42, "savefig.dpi": 200}
 DataFrames = dict[str, pd.DataFrame]
+SUFFIXES = ("png", "pdf")  # of figures
 COLORS, LINES, MARKERS = (ACCENT, "#d1711a", "#777777", INK), ("-", "--", ":", "-."), "os^vDPX*"
 LOOKS: list[dict[str, Any]] = [  # distinguishable by their markers without color
     {"color": COLORS[number % 4], "linestyle": LINES[number % 4], "marker": marker}
@@ -53,16 +54,16 @@ def one_legend(figure: Figure, axes: Any, rows: int = 1) -> None:
     figure.legend(handles, labels, loc="outside lower center", ncols=-(-len(labels) // rows), frameon=False)
 
 
-def save_or_delete(figure: Figure | None, stem: Path, suffixes: Iterable[str] = ("png", "pdf")) -> Path | None:
+def save_or_delete(figure: Figure | None, stem: Path) -> Path | None:
     """Write a figure, see `save`, or delete its files without one; return the PNG file if it is written."""
     if figure:
-        return save(figure, stem, suffixes)
-    for suffix in suffixes:
+        return save(figure, stem)
+    for suffix in SUFFIXES:
         stem.with_name(f"{stem.name}.{suffix}").unlink(missing_ok=True)
     return None
 
 
-def save(figure: Figure, stem: Path, suffixes: Iterable[str] = ("png", "pdf")) -> Path:
+def save(figure: Figure, stem: Path, suffixes: Iterable[str] = SUFFIXES) -> Path:
     """Write a figure as <stem>.<suffix> and close it; return the PNG file."""
     for suffix in suffixes:
         figure.savefig(stem.with_name(f"{stem.name}.{suffix}"), bbox_inches="tight", pad_inches=0.05)

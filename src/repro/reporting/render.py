@@ -36,9 +36,9 @@ def _line(cells: Iterable[object]) -> str:
     return "| " + " | ".join(map(str, cells)) + " |"
 
 
-def number(value: Any, digits: int = 3, form: str = "z,") -> str:
+def number(value: Any, digits: int = 3) -> str:
     """Return a number with some decimals; empty for none."""
-    return "" if pd.isna(value) else f"{value:{form}.{digits}f}"
+    return "" if pd.isna(value) else f"{value:z,.{digits}f}"
 
 
 def with_interval(value: float, low: float, high: float, form: str = ".3f") -> str:

@@ -1,5 +1,6 @@
 """Types of fields with their ranges, for pydantic, and the error that names a wrong value."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -66,7 +67,7 @@ def config_errors_of(error: ValidationError, prefix: str = "", values: Any = Non
         if found["type"] in ("union_tag_invalid", "union_tag_not_found"):  # the name of one of several parts
             errors.append(_error_of_tag(key, found.get("ctx", {})))
             continue
-        message = known.get(found["type"], found["msg"].removeprefix("Value error, ").replace("Input should", "must"))
+        message = known.get(found["type"], re.sub(r"^\w+ should", "must", found["msg"].removeprefix("Value error, ")))
         value = None if found["type"] == "missing" else found["input"]
         errors.append(ConfigError(key, value, message))
     return errors

@@ -71,9 +71,11 @@ def replacing_directory(path: Path, own: Callable[[str], object] | None = None) 
         if path.exists():
             os.replace(path, old)
         os.replace(new, path)
-    except BaseException:
+    except BaseException as error:
         if old.exists() and not path.exists():
             os.replace(old, path)
+        if isinstance(error, OSError) and error.errno:
+            error.filename = error.filename or str(path)  # not every writer names the file
         raise
     finally:
         shutil.rmtree(new, ignore_errors=True)
@@ -224,5 +226,5 @@ def lock(directory: Path, name: str = ".lock") -> Iterator[None]:
 
 
 def first_line(error: Exception) -> str:
-    """Return the first line of the message of an error, or its type if it has none."""
-    return str(error).strip().split("\n")[0] or type(error).__name__
+    """Return the first line of the message of an error, without its number and file, or its type if it has none."""
+    return str(getattr(error, "strerror", None) or error).strip().split("\n")[0] or type(error).__name__

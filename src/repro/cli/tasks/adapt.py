@@ -18,15 +18,14 @@ def run(job: Job) -> None:
 def target_of(job: Job) -> Path:
     """Return the directory of the adapted network of a call."""
     settings = job.call.adaptation
-    return (
-        job.outputs.path / "adapted" / (settings.name or (name_of(*map(Path, settings.logs)) if settings.logs else ""))
-    )
+    return job.outputs.path / "adapted" / (settings.name or name_of(*map(Path, settings.logs or ())))
 
 
 TASK = Task(
     run,
     target=target_of,
     names_scale=False,
+    needs="adaptation.logs",
     own=("adaptation", "prediction"),
     ignores=("world", "exp", *NETWORK_KEYS, "recordings"),
     instead="prediction.weights chooses the network",

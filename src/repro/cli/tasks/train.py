@@ -5,12 +5,15 @@ from typing import Any
 
 from repro.cli.jobs import Job
 from repro.cli.tasks import Task
+from repro.recordings.reader import open_recordings
 from repro.system.progress import say
 
 
 def run(job: Job) -> None:
     """Train the network of a run from where it was left, unless it is trained."""
     job.outputs.check_data(job.config)
+    if not job.run.is_trained:
+        open_recordings(job.recordings)  # which refuses before the run begins, and PyTorch is loaded
     job.run.prepare(job.config)
     if not job.run.is_trained:
         say(f"training {job.run}, after PyTorch is loaded")

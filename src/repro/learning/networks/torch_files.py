@@ -8,11 +8,14 @@ import copy
 import hashlib
 import io
 import json
+import os
+import re
 from pathlib import Path
 from typing import Any
 
 import torch
 from huggingface_hub import PyTorchModelHubMixin
+from safetensors import SafetensorError
 from torch import nn
 
 from repro.learning.networks.create import architecture_of, load_network
@@ -38,13 +41,19 @@ def write_torch(directory: Path, network: nn.Module, dtype: torch.dtype, descrip
 
     Raises:
         InputError: there is something else.
+        OSError: the disk is full, for example.
     """
     is_other = directory.exists() and not (directory / DESCRIPTION).is_file()
     if is_other and (not directory.is_dir() or any(directory.iterdir())):
         raise InputError(f"{directory} exists and is no predictor: expected a new or an empty directory")
     with replacing_directory(directory, OWN_FILES.__contains__) as new:
         assert isinstance(network, PyTorchModelHubMixin), "see `create.check_interface`"
-        copy.deepcopy(network).cpu().to(dtype).save_pretrained(new)
+        try:
+            copy.deepcopy(network).cpu().to(dtype).save_pretrained(new)
+        except SafetensorError as error:
+            if number := re.search(r"os error (\d+)", str(error)):
+                raise OSError(int(number[1]), os.strerror(int(number[1]))) from error
+            raise
         content = {"architecture": architecture_of(network), **description}
         write_json(new / DESCRIPTION, content | {"sha256": _checksum(content, new)})
         return sha256(new / WEIGHTS)
