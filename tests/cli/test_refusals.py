@@ -19,7 +19,7 @@ from repro.cli import main
 from repro.cli.call import read_call
 from repro.cli.jobs import Job
 from repro.cli.refusals import Refused
-from repro.cli.tasks import train
+from repro.cli.tasks import evaluate, report, train
 from repro.system.errors import InputError
 from repro.system.project import conf_directory
 from repro.worlds.spec import plain
@@ -280,6 +280,16 @@ def test_a_training_without_recordings_is_refused_before_its_run_begins(tmp_path
     with pytest.raises(InputError, match=r"no complete recordings in .*exp3"):
         train.run(Job(call))
     assert not list(tmp_path.iterdir())
+
+
+def test_a_directory_with_the_log_of_a_refusal_alone_has_nothing_to_evaluate_or_report(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "repro.evaluation.scoring", None)  # takes seconds, and is not needed to tell
+    (tmp_path / "runs/exp3/unet/projection/seed0").mkdir(parents=True)
+    (call,) = read_calls("exp=3", *TINY, f"outputs={tmp_path}")
+    with pytest.raises(InputError, match="seed0 is not fully trained"):
+        evaluate.run(Job(call))
+    with pytest.raises(InputError, match="holds no recordings and no runs"):
+        report.run(Job(call))
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,7 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
         config = run.config()
         facts: dict[str, Any] = {}
         if not config.key.is_baseline:
-            check_trained(run)
+            run.check_trained()
         opened = open_recordings(recordings)
         opened.check_worlds(config.data.worlds)
         run.use_recordings(opened.hash(asdict(config.data.pairs)))
@@ -74,12 +74,6 @@ def evaluate(run: Run, recordings: Path, *, accelerator: str = "auto") -> pd.Ser
         files = {name: sha256(run.path / name) for name in FILES}
         run.begin_step("evaluated", Status.evaluated, test_pairs=len(maps), **facts, files=files)
         return row
-
-
-def check_trained(run: Run) -> None:
-    """Refuse a run that is not trained, with an `InputError`."""
-    if not run.is_trained:
-        raise InputError(f"{run} is not fully trained: train it with task=train first")
 
 
 def evaluate_baseline(outputs: Outputs, config: RunConfig, name: str) -> None:

@@ -168,6 +168,11 @@ class Run:
     def is_trained(self) -> bool:
         return self.status in (Status.trained, Status.evaluated)
 
+    def check_trained(self) -> None:
+        """Refuse a run that is not trained, with an `InputError`."""
+        if not self.is_trained:
+            raise InputError(f"{self} is not fully trained: train it with task=train first")
+
     @property
     def is_evaluated(self) -> bool:
         """Whether the run has its metrics; if metrics.csv is lost, the next evaluation writes it again."""

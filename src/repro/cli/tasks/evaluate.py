@@ -11,14 +11,14 @@ def run(job: Job) -> None:
     Raises:
         InputError: the run is not trained, of another configuration, or damaged.
     """
+    job.run.check_trained()
+    job.run.check(job.config)
     if not job.run.is_evaluated:
         say(f"evaluating {job.run}")
     from repro.baselines.titles import QUICK_BASELINES
     from repro.cli.output import summary_line
-    from repro.evaluation.scoring import check_trained, evaluate, evaluate_baseline
+    from repro.evaluation.scoring import evaluate, evaluate_baseline
 
-    check_trained(job.run)
-    job.run.check(job.config)
     if job.run.is_evaluated:
         job.run.check_files()
         say(f"done already: {job.run.done}")

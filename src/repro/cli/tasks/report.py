@@ -15,7 +15,7 @@ def run(job: Job) -> None:
     from repro.system.errors import InputError
 
     outputs = job.outputs
-    if not any(outputs.runs()) and not outputs.recorded():
+    if not any(run.has_begun for run in outputs.runs()) and not outputs.recorded():
         raise InputError(f"{outputs.path} holds no recordings and no runs: make some first, or set outputs=")
     print_tables(outputs, ())
     from repro.cli.paper_figures import draw_figures  # imports torch and IR-SIM, some seconds
