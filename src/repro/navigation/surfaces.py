@@ -15,7 +15,7 @@ SMOOTHED = ("inflation_m", "weight", "age_s", "forgetting")  # settings whose ne
 REACH, ALIKE = 2.0, 0.5  # of a neighbor, in steps of the grid; correlation of settings that differ in another axis
 SPREAD = 0.05  # of the scores of settings
 OFTEN = 0.03  # share of the resamples in which a setting is chosen that may be the best one
-SPL_SHARE = 0.1  # of the length of the path in what is tuned; the rest is the success
+SPL_SHARE = 0.1  # of the success weighted by path length in what is tuned, added to the success
 
 Settings = dict[str, Any]
 
