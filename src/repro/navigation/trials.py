@@ -105,7 +105,8 @@ class Trials:
     def _best(self, first: pd.DataFrame, count: int) -> list[str]:
         """Return the best of a number of settings after the first round, also beyond the edges of the grid."""
         labels = labels_of({name: (*values, *BEYOND.get(name, ())) for name, values in self.axes.items()})
-        order = np.argsort(-Surface.of(first, labels).scores[0], kind="stable")
+        surface = Surface.of(first, labels)
+        order = np.argsort(-surface.smoothed(np.ones((1, len(surface.driven))))[0], kind="stable")
         return [labels[which] for which in order[: math.ceil(KEPT * count)]]
 
     def _check_courses(self) -> None:
