@@ -32,7 +32,7 @@ from repro.worlds.spec import WorldSpec
 
 INFLATIONS_M = (0.8, 1.6, 2.4, 3.2, 4.0, 4.8, 5.6)
 WEIGHTS = (1.0, 3.0, 10.0, 30.0, 100.0)
-BEYOND = {"inflation_m": (6.4,), "weight": (0.3, 300.0), "forgetting": (0.002, 0.4)}  # from the second round on, for edges
+BEYOND = {"inflation_m": (6.4,), "weight": (0.3, 300.0), "forgetting": (0.002, 0.4)}  # in the second round, for edges
 ENOUGH, KEPT = 20, 0.25  # tries of a setting after which there is no second round; share of the settings in one
 TRIES = 2, 1  # settings of each validation course in the two rounds
 FINALS = (8, 2), (3, 3)  # most settings of a later round, and how many of them each validation course has
