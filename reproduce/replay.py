@@ -26,6 +26,7 @@ from repro.navigation.surfaces import settings_of
 from repro.recordings.datasets import grid_of
 from repro.reporting.navigation_tables import BEST_OF, title_of
 from repro.reporting.plots import ACCENT, INK, STYLE
+from reproduce.calls import reported
 
 RESULTS = Path("reproduce/results/navigation")
 ANALYSIS = RESULTS / "analysis"
@@ -129,4 +130,4 @@ def draw(drives: list[Drive], goals: np.ndarray, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    reported(main)

@@ -84,6 +84,8 @@ def test_weights_to_start_from_are_there_before_anything_is_recorded():
         [reason] = refuse(f"train.weights='{weights}'")
         assert reason.startswith(f"train.weights: {weights}: no such weights, expected one of buildings")
     read_call("train.weights=rooms", "model=convgru", "encoding=series10")
+    [reason] = refuse("train.weights=conf")
+    assert reason.startswith("train.weights: conf: expected a trained run or an exported network")
 
 
 def test_runtime_settings_do_not_change_the_run():

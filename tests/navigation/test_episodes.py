@@ -379,6 +379,12 @@ def test_a_study_goes_on_where_it_was_left(tmp_path, monkeypatch):
     assert {key[:3] for key in driven[before:]} == {("test", name, trials.FIRST["test"] + 3) for name in SPECS}
     steps = read_mapping(tmp_path / "truth" / trials.ORIGIN, "")["steps"]
     assert [step["commit"] for step in steps] == ["1", "3"], "nothing was driven in between"
+    path = tmp_path / "truth" / trials.EPISODES
+    whole = path.read_text()
+    for text, problem in {"garbage": "is no table of episodes", whole[:-60]: "has rows that were cut"}.items():
+        path.write_text(text)
+        with pytest.raises(InputError, match=problem):
+            own.run(trials.Seeds(validation=20, test=4), {})
     other = trials.Trials(tmp_path, "truth", CLASSICAL["truth"], SPECS, Grid(32, 50.0))
     with pytest.raises(InputError, match="episodes with another value of grid"):
         other.run(trials.Seeds(20, 3), {})
@@ -456,6 +462,9 @@ def test_arms_are_compared_on_the_same_courses():
     assert found.loc["scan", ["hit_behind", "hit_standing", "spl"]].tolist() == [0.5, 0.5, 0.4]
     assert found.loc["keep", "low"] <= 0.75 <= found.loc["keep", "high"]
     assert barn(pd.DataFrame(rows))[2] == pytest.approx(20 / 80)
+    slow = [{**row, "experiment": "slow"} for row in rows + validation if row["mapper"] == "truth"]
+    found = compare_mappers(mapper_results(pd.DataFrame(rows + validation + slow))).set_index("experiment")
+    assert found.loc["slow", "mapper"] == "truth", "a mapper may lack an experiment"
 
 
 def test_the_choice_of_the_settings_is_in_the_interval():

@@ -133,8 +133,8 @@ class Call:
             yield f"{task.needs}: is needed with task={self.task}"
         unknown = [name for name in self.navigation.experiments if name not in specs]
         if self.task == "navigate" and unknown:
-            listing = f"{', '.join(unknown)} is none of {', '.join(specs)}: set world=navigation"
-            yield f"navigation.experiments: {listing}"
+            hint = "" if {"static", "slow", "fast"} <= set(specs) else ": set world=navigation"
+            yield f"navigation.experiments: {', '.join(unknown)} is none of {', '.join(specs)}{hint}"
         batch, pairs = self.train.batch_size, self.scale.pairs.train
         if task.trains and batch > pairs:
             yield f"train.batch_size={batch}: must be at most the {pairs} training pairs"
@@ -162,12 +162,15 @@ def _model_errors(model: Model) -> list[ConfigError]:
 
 def _weights_error(weights: str) -> str | None:
     """Return why there are no such weights, None if there are."""
-    from repro.networks.weights import locate
+    from repro.networks.weights import ONNX, locate
 
     try:
-        locate(weights)
+        path = locate(weights)
     except InputError as error:
         return str(error)
+    files = [path / part / name for part in ("", "model") for name in ("predictor.json", ONNX)]
+    if path.is_dir() and not any(file.is_file() for file in files):
+        return f"{path}: expected a trained run or an exported network, got a directory without predictor.json"
     return None
 
 

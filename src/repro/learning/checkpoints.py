@@ -83,6 +83,7 @@ def start_from(network: nn.Module, weights: str) -> None:
         without_effect = {name: values for name, values in network.state_dict().items() if not values.any()}
         network.load_state_dict(without_effect | module_of(load_trained(weights)).state_dict())
     except RuntimeError as error:
+        first = " ".join(str(error).split())[:200]  # of a line for every weight
         raise InputError(
-            f"train.weights={weights}: expected a network of the same form, got another: {error}"
+            f"train.weights={weights}: expected a network of the same form, got another: {first}"
         ) from error

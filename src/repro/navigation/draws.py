@@ -76,7 +76,7 @@ class Draws:
             test.pivot(index=["experiment", "seed"], columns="mapper", values=value) for value in ("success", "time_s")
         )
         weights = draw_weights(len(success))
-        shifts = {mapper: one.shifts(success.index, weights) for mapper, one in found.items()}
+        shifts = {mapper: found[mapper].shifts(success.index, weights) for mapper in map(str, success)}
         return cls(success, time_s.where(success == 1), weights, shifts)
 
     def level(self, mapper: str) -> np.ndarray:

@@ -26,7 +26,7 @@ from repro.navigation.mappers import Mapper
 from repro.navigation.surfaces import Settings, Surface, labels_of, settings_of
 from repro.recordings.format import spec_fingerprint
 from repro.system.errors import InputError
-from repro.system.files import read_mapping, write_json, write_text
+from repro.system.files import first_line, read_mapping, write_json, write_text
 from repro.system.progress import progress
 from repro.worlds.spec import WorldSpec
 
@@ -116,8 +116,9 @@ class Trials:
         path = self.directory / COURSES
         known = read_mapping(path, "the courses of a mapper") if path.is_file() else {}
         if other := [name for name in present if name in known and known[name] != present[name]]:
+            values = f" ({known['grid']}, this call has {present['grid']})" if "grid" in other else ""
             raise InputError(
-                f"{self.directory} has episodes with another value of {', '.join(other)}: expected those of this call; "
+                f"{self.directory} has episodes with another value of {', '.join(other)}{values}: "
                 "choose other outputs, or delete it"
             )
         write_json(path, known | present)
@@ -125,7 +126,7 @@ class Trials:
     def _known(self) -> pd.DataFrame:
         """Return the episodes that were driven so far."""
         path = self.directory / EPISODES
-        return pd.read_csv(path) if path.is_file() else pd.DataFrame(columns=INDEX)
+        return read_episodes(path) if path.is_file() else pd.DataFrame(columns=INDEX)
 
     def episodes(self, wanted: Sequence[Wanted]) -> pd.DataFrame:
         """Return episodes, each once, and drive those that are missing, in batches of similar settings."""
@@ -150,6 +151,22 @@ class Trials:
         rows = pd.DataFrame(map(dataclasses.asdict, Fleet(spec, courses, self.mapper, settings, self.grid).drive()))
         splits, experiments, _, labels = zip(*keys, strict=True)
         return rows.assign(split=splits, experiment=experiments, settings=labels, mapper=self.name)
+
+
+def read_episodes(path: Path) -> pd.DataFrame:
+    """Read the episodes of a mapper.
+
+    Raises:
+        InputError: the file is no table of episodes, or was cut.
+    """
+    try:
+        rows = pd.read_csv(path)
+        is_whole = bool(rows[[*INDEX, "outcome"]].notna().to_numpy().all())
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(f"{path} is no table of episodes ({first_line(error)}): delete it") from error
+    if not is_whole:
+        raise InputError(f"{path} has rows that were cut: delete these, or the file")
+    return rows
 
 
 def design(labels: Sequence[str], experiments: Iterable[str], count: int, tries: int) -> list[Wanted]:

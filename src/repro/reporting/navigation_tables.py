@@ -11,7 +11,7 @@ import pandas as pd
 from repro.metrics.bootstrap import bounds
 from repro.navigation.draws import Draws, MapperResult
 from repro.navigation.surfaces import settings_of, spl
-from repro.navigation.trials import EPISODES, ORIGIN
+from repro.navigation.trials import EPISODES, ORIGIN, read_episodes
 from repro.reporting.names import predictor_title
 from repro.reporting.plots import INK, MARKERS, STYLE, one_legend, save
 from repro.system.files import read_mapping, write_json, write_text
@@ -44,7 +44,7 @@ def write_results(episodes: Path, analysis: Path) -> pd.DataFrame:
         the rows of navigation.csv, see `compare_mappers`.
     """
     mappers = mappers_of(path.parent.name for path in episodes.glob(f"*/{ORIGIN}"))
-    driven = pd.concat([pd.read_csv(episodes / mapper / EPISODES) for mapper in mappers], ignore_index=True)
+    driven = pd.concat([read_episodes(episodes / mapper / EPISODES) for mapper in mappers], ignore_index=True)
     found = mapper_results(driven)
     results, surfaces = compare_mappers(found), surfaces_of(found)
     analysis.mkdir(parents=True, exist_ok=True)
@@ -69,14 +69,14 @@ def compare_mappers(found: Mapping[str, MapperResult]) -> pd.DataFrame:
     courses that both have; that of the time is over the courses where both succeed; those that are `fixed` have no
     choice in them. The `lead` is that of the network, the best one on the validation courses, over each mapper.
     """
-    networks = [mapper for mapper in found if mapper not in TITLES]
-    network = networks[_best(found, networks)[0]] if networks else None
-    classical = [mapper for mapper in BEST_OF if mapper in found]
-    best = _best(found, classical)
     test = pd.concat([one.test for one in found.values()], ignore_index=True).assign(spl=spl, barn=barn)
     rows = []
     for experiment, of_experiment in [(ALL, test), *test.groupby("experiment", sort=False)]:
         draws = Draws.of(of_experiment, found)
+        networks = [mapper for mapper in map(str, draws.success) if mapper not in TITLES]
+        network = networks[_best(found, networks)[0]] if networks else None
+        classical = [mapper for mapper in BEST_OF if mapper in draws.success]
+        best = _best(found, classical)
         for mapper in mappers_of([*draws.success, *([BEST] if len(classical) > 1 else [])]):
             names, which = (classical, best) if mapper == BEST else ([mapper], 0 * best)
             own, one = of_experiment[of_experiment["mapper"] == names[which[0]]], found[names[which[0]]]

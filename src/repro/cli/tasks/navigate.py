@@ -38,6 +38,7 @@ def run(job: Job) -> None:
     for row in write_results(directory, job.outputs.analysis).itertuples():
         success = f"{row.success:.3f} [{row.low:.3f}, {row.high:.3f}]"
         print(f"{row.experiment:8} {row.title:40} success {success} of {row.episodes} courses")
+    print(f"{job.outputs.analysis}/navigation.csv has all, with the settings that were chosen")
 
 
 def mapper_of(job: Job, grid: "Grid", name: str) -> tuple[str, "Mapper"]:
@@ -54,7 +55,8 @@ def mapper_of(job: Job, grid: "Grid", name: str) -> tuple[str, "Mapper"]:
         predictor = load_predictor(path) if path.is_file() else load_trained(path)
         if predictor.grid != grid:
             expected, found = (f"{one.size_px} px, {one.size_m:g} m" for one in (grid, predictor.grid))
-            raise InputError(f"prediction.weights={path}: expected maps of {expected}, got {found}")
+            named = "such as those of reproduce/results/navigation/expmixed-convgru"
+            raise InputError(f"prediction.weights={path}: expected maps of {expected}, {named}, got {found}")
         if predictor.is_centered:
             raise InputError(
                 "prediction.weights: an adapted network needs the robot in the middle, and these maps stand"
