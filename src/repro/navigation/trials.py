@@ -27,7 +27,7 @@ from repro.navigation.surfaces import Settings, Surface, labels_of, settings_of
 from repro.recordings.format import spec_fingerprint
 from repro.system.errors import InputError
 from repro.system.files import first_line, read_mapping, write_json, write_text
-from repro.system.progress import progress
+from repro.system.progress import progress, say
 from repro.worlds.spec import WorldSpec
 
 INFLATIONS_M = (0.8, 1.6, 2.4, 3.2, 4.0, 4.8, 5.6)
@@ -135,6 +135,8 @@ class Trials:
         keys = list(dict.fromkeys(named))
         known = set(rows[INDEX].itertuples(index=False, name=None))
         missing = sorted((key for key in keys if key not in known), key=lambda key: key[3])
+        if missing:
+            say(f"{self.name}, {keys[0][0]}: {len(missing)} episodes to drive, {min(BATCH, len(missing))} at a time")
         for first in progress(range(0, len(missing), BATCH), f"{self.name}, {keys[0][0]}"):
             driven = self._drive(missing[first : first + BATCH])
             rows = pd.concat([rows, driven], ignore_index=True) if len(rows) else driven
