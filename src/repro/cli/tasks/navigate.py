@@ -55,8 +55,8 @@ def mapper_of(job: Job, grid: "Grid", name: str) -> tuple[str, "Mapper"]:
         predictor = load_predictor(path) if path.is_file() else load_trained(path)
         if predictor.grid != grid:
             expected, found = (f"{one.size_px} px, {one.size_m:g} m" for one in (grid, predictor.grid))
-            named = "such as those of reproduce/results/navigation/expmixed-convgru"
-            raise InputError(f"prediction.weights={path}: expected maps of {expected}, {named}, got {found}")
+            hint = "reproduce/results/navigation/expmixed-convgru has 64 px, 50 m"
+            raise InputError(f"prediction.weights={path}: expected maps of {expected}, got {found}; {hint}")
         if predictor.is_centered:
             raise InputError(
                 "prediction.weights: an adapted network needs the robot in the middle, and these maps stand"
