@@ -162,14 +162,14 @@ def _model_errors(model: Model) -> list[ConfigError]:
 
 def _weights_error(weights: str) -> str | None:
     """Return why there are no such weights, None if there are."""
-    from repro.networks.weights import ONNX, locate
+    from repro.networks.weights import locate, onnx_file
 
     try:
         path = locate(weights)
     except InputError as error:
         return str(error)
-    files = [path / part / name for part in ("", "model") for name in ("predictor.json", ONNX)]
-    if path.is_dir() and not any(file.is_file() for file in files):
+    described = [path / "predictor.json", path / "model" / "predictor.json"]
+    if path.is_dir() and not onnx_file(path) and not any(file.is_file() for file in described):
         return f"{path}: expected a trained run or an exported network, got a directory without predictor.json"
     return None
 

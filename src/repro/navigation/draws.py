@@ -81,11 +81,11 @@ class Draws:
 
     def level(self, mapper: str) -> np.ndarray:
         """Return the success of a mapper, (draws + 1,)."""
-        return _means(self.success[[mapper]], self.weights)[:, 0] + self.shifts[mapper]
+        return _means(self.success[mapper], self.weights) + self.shifts[mapper]
 
     def gain(self, mapper: str, other: str, fixed: bool = False) -> np.ndarray:
         """Return how much more often a mapper succeeds than another one on shared courses, (draws + 1,)."""
-        gain = _means((self.success[mapper] - self.success[other]).to_frame(), self.weights)[:, 0]
+        gain = _means(self.success[mapper] - self.success[other], self.weights)
         return gain if fixed else gain + self.shifts[mapper] - self.shifts[other]
 
     def later(self, mapper: str, other: str) -> float:
@@ -93,7 +93,7 @@ class Draws:
         return float((self.time_s[mapper] - self.time_s[other]).mean())
 
 
-def _means(values: pd.DataFrame, weights: np.ndarray) -> np.ndarray:
-    """Return the means over the courses that have a value, (draws + 1, columns); 0 if none has one."""
+def _means(values: pd.Series | pd.DataFrame, weights: np.ndarray) -> np.ndarray:
+    """Return the means over the courses that have a value, (draws + 1,) or (draws + 1, columns); 0 if none has one."""
     known = values.notna().to_numpy(float)
     return weights @ values.fillna(0).to_numpy() / np.maximum(weights @ known, 1)

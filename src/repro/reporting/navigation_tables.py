@@ -16,19 +16,19 @@ from repro.reporting.names import predictor_title
 from repro.reporting.plots import INK, MARKERS, STYLE, one_legend, save
 from repro.system.files import read_mapping, write_json, write_text
 
+BEST = "classical"  # the row of that one of `BEST_OF` which is best on the validation courses
 TITLES = {
     "scan": "Current scan",
     "keep": "Hits until a beam passes",
     "decay": "Hits for a time",
     "log_odds": "Log-odds grid",
     "tracker": "Tracker, constant velocity",
-    "classical": "Best classical map",
+    BEST: "Best classical map",
     "full_circle": "Hits of a lidar of 360 degrees",
     "truth": "True map",
     "true_velocities": "True map and velocities",
 }  # networks stand before the lidar of 360 degrees
 BEST_OF = ("scan", "keep", "decay", "log_odds", "tracker")  # the classical mappers with the robot's lidar
-BEST = "classical"  # that of them which is best on the validation courses
 ALL = "all"  # experiments together
 COLORS = (*(f"C{number}" for number in range(10)), INK)
 
