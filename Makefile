@@ -4,7 +4,8 @@ ARGS ?= # further overrides of reproduce, analysis and demo
 PY := .venv/bin/python
 ENCODINGS := projection,stack4,stack10,series10
 NAVIGATION := world=navigation exp=mixed scale=laptop scale.pairs.train=8 outputs=outputs/navigation
-MAPPERS := network,tracker,scan,keep,decay,log_odds,full_circle,truth,true_velocities
+MAPPERS := tracker,scan,keep,decay,log_odds,full_circle,truth,true_velocities
+NETWORKS := reproduce/results/navigation/expmixed-convgru,reproduce/results/navigation/expmixed-unet
 SCALE ?=
 SCALE_ARG := $(if $(SCALE),scale=$(SCALE))
 COMMA := ,
@@ -54,10 +55,10 @@ analysis: setup ## beyond the paper: other inputs with three seeds, other worlds
 	$(PY) -m reproduce.generalization exp=4 scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
 	$(PY) run.py task=analysis scale=$(or $(SCALE),laptop) $(filter outputs=% recordings=%,$(ARGS))
 
-navigation: setup ## do maps help a robot? tune and drive with every kind of map, and with the published network
+navigation: setup ## do maps help a robot? tune and drive with every kind of map, and with the published networks
 	$(PY) run.py task=record $(NAVIGATION)
-	$(PY) run.py -m task=navigate $(NAVIGATION) navigation.mapper=$(MAPPERS) \
-	    prediction.weights=reproduce/results/navigation/expmixed-convgru
+	$(PY) run.py -m task=navigate $(NAVIGATION) navigation.mapper=network prediction.weights=$(NETWORKS)
+	$(PY) run.py -m task=navigate $(NAVIGATION) navigation.mapper=$(MAPPERS)
 
 test: setup ## all tests, without GPU and network
 	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadscope --no-loadscope-reorder

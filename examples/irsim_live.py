@@ -22,7 +22,8 @@ from repro.maps.grid import Grid
 from repro.maps.ground_truth import rasterize
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.drawing import shade
-from repro.prediction.stream import PredictionStream, StreamMap
+from repro.prediction.stream import PredictionStream
+from repro.prediction.stream_map import StreamMap
 from repro.recordings.format import SHOWN_SEED
 from repro.simulation.sampling import sample_world
 from repro.simulation.simulator import make, outlines_of_world

@@ -17,6 +17,7 @@ from matplotlib.animation import FuncAnimation, PillowWriter
 from repro.cli.compose import composed
 from repro.cli.jobs import Job
 from repro.cli.main import read_arguments, read_calls
+from repro.cli.settings import NETWORK
 from repro.cli.tasks.navigate import mapper_of
 from repro.maps.outlines import placed
 from repro.navigation.courses import Course, sample_course
@@ -61,7 +62,7 @@ def main() -> None:
     with composed(parsed) as jobs:
         job = Job(read_calls(parsed, jobs)[0])
     rows = pd.read_csv(ANALYSIS / "navigation.csv").query("experiment == 'all'").set_index("mapper")
-    network = next(name for name in map(str, rows.index) if "-" in name)
+    network, _ = mapper_of(job, grid_of(job.config), NETWORK)
     scores = pd.read_csv(ANALYSIS / "navigation_surfaces.csv").groupby("mapper")["score"].max()
     best = str(scores[scores.index.isin(BEST_OF)].idxmax())
     test = pd.read_csv(ANALYSIS / "navigation_episodes.csv").query("split == 'test' and experiment == @WORLD")
@@ -81,7 +82,7 @@ def main() -> None:
 def drive(job: Job, course: Course, name: str, settings: dict[str, Any]) -> Drive:
     """Drive a course with a mapper, and keep what is drawn."""
     grid = grid_of(job.config)
-    _, mapper = mapper_of(job, grid, name if name in BEST_OF else "network")
+    _, mapper = mapper_of(job, grid, name if name in BEST_OF else NETWORK)
     frames: list[Frame] = []
 
     def maps(seen: Seen, who: np.ndarray, **chosen: Any) -> np.ndarray:

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from repro.networks.predictor import Predictor, load_predictor
     from repro.networks.weights import NAMED_NETWORKS
     from repro.prediction.drawing import draw_map
-    from repro.prediction.stream import PredictionStream, StreamMap
+    from repro.prediction.stream import PredictionStream
+    from repro.prediction.stream_map import StreamMap
     from repro.scans import Scans
 
     __version__: str
@@ -41,7 +42,7 @@ _MODULES = {
     "PredictionStream": "repro.prediction.stream",
     "Predictor": "repro.networks.predictor",
     "Scans": "repro.scans",
-    "StreamMap": "repro.prediction.stream",
+    "StreamMap": "repro.prediction.stream_map",
     "draw_map": "repro.prediction.drawing",
     "load_predictor": "repro.networks.predictor",
 }

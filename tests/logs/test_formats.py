@@ -28,11 +28,11 @@ from log_files import (
 )
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
+from repro.logs.consistency import inconsistencies
 from repro.logs.log_scan import LogScan
 from repro.logs.readings import readings
 from repro.logs.reasons import Reason
 from repro.logs.scan_log import ScanLog, collect
-from repro.logs.sharpness import sharper_convention
 
 
 @pytest.mark.parametrize("line", [flaser, robotlaser])
@@ -89,7 +89,7 @@ def test_a_clock_that_was_set_back_to_its_first_time_has_no_other_message(tmp_pa
     stamps = np.concatenate([100 + 0.1 * np.arange(15), 100 - 1.4 + 0.1 * np.arange(15)])
     log = read(npz(tmp_path / "log.npz", stamps=stamps), replace(WINDOWS, steps=2))
     log = replace(log, stamps=np.concatenate([log.stamps[:-1], log.stamps[:1]]))
-    assert sharper_convention(log, replace(WINDOWS, steps=2)) is None
+    assert not inconsistencies(log, replace(WINDOWS, steps=2))
 
 
 def test_a_line_without_an_end_is_refused(tmp_path):

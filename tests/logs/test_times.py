@@ -27,7 +27,10 @@ def stream_windows(stamps: list[float]) -> dict[float, list[int]]:
     stream, found = PredictionStream(predictor, ANGLES, steps=WINDOWS.steps), {}
     with pytest.MonkeyPatch.context() as patch:
         still = SimpleNamespace(any=lambda: False)
-        found_map = lambda _, window, *others: SimpleNamespace(ranges=window.ranges, moving=still)  # noqa: E731
+
+        def found_map(_, window, __, stamp, *others) -> SimpleNamespace:
+            return SimpleNamespace(ranges=window.ranges, moving=still, stamp=stamp, outside_training=())
+
         patch.setattr("repro.prediction.stream.predict_map", found_map)
         for number, stamp in enumerate(stamps):
             window = stream.update(np.full(5, 1.0 + number), (0.01 * number, 0, 0), stamp)

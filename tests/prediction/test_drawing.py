@@ -8,7 +8,7 @@ import pytest
 import repro
 from repro.maps.grid import Grid
 from repro.prediction.drawing import TINT, draw_map, draw_window, shade
-from repro.prediction.stream import StreamMap
+from repro.prediction.stream_map import StreamMap
 from repro.prediction.windows import Window
 from repro.scans import Scans
 

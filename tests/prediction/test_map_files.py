@@ -5,7 +5,7 @@ from PIL import Image
 
 from repro.maps.grid import Grid
 from repro.prediction.map_files import write_map, write_probabilities
-from repro.prediction.stream import StreamMap
+from repro.prediction.stream_map import StreamMap
 
 GRID = Grid(100, 50.0)
 ORIGIN = (-3.0, 7.0)

@@ -21,9 +21,11 @@ from repro.logs.scan_log import ScanLog
 from repro.maps.encodings import create_encoding
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
+from repro.maps.statistics import summarize
 from repro.networks.predictor import Predictor, load_predictor
 from repro.prediction.drawing import draw_map
-from repro.prediction.stream import EXTRA, PredictionStream, predict_map
+from repro.prediction.stream import EXTRA, PredictionStream
+from repro.prediction.stream_map import predict_map
 from repro.prediction.windows import Window, cut
 from repro.runs.model import paper_model
 from repro.scans import Scans
@@ -145,6 +147,37 @@ def test_what_moves_is_logged_once(small, caplog):
     caplog.clear()
     feed(PredictionStream(small, ANGLES, steps=STEPS), LOG.stamps[: STEPS + 5])
     assert "something moves" not in caplog.text
+
+
+@pytest.mark.parametrize(("beams", "named"), [(1, []), (-1, ["beams in the reverse order"])])
+def test_a_stream_warns_once_of_scans_that_do_not_fit_their_poses(small, beams, named):
+    said: list[str] = []
+    stream = PredictionStream(small, ANGLES, warn=said.append)
+    for number, scan in enumerate(zip(LOG.ranges[:, ::beams], LOG.poses, LOG.stamps, strict=True)):
+        stream.add(*scan)
+        if number % 40 == 0:
+            stream.predict()
+    assert [name in message for name, message in zip(named, stream.inconsistencies, strict=True)] == [True] * len(named)
+    assert [message for message in said if "hits are near" in message] == stream.inconsistencies
+
+
+def test_a_map_names_what_is_outside_of_the_training(small):
+    (window,) = windows(dataclasses.replace(LOG, stamps=LOG.stamps[:STEPS]), "robot").values()
+    known = dataclasses.replace(small, statistics=summarize([window.scans.batched()], small.grid))
+    said: list[str] = []
+    *_, usual = feed(PredictionStream(known, ANGLES, steps=STEPS, warn=said.append), LOG.stamps[:STEPS])
+    assert (usual.outside_training, said) == ((), [])
+    ranges = np.where(np.arange(91) % 2, LOG.ranges, np.nan)
+    *_, found = feed(PredictionStream(known, ANGLES, steps=STEPS, warn=said.append), LOG.stamps[:STEPS], ranges)
+    assert "valid_share" in found.outside_training
+    assert found.statistics["valid_share"] == pytest.approx(45 / 91)
+    assert "share of the readings that are valid: outside of the training" in said
+
+
+def test_times_that_are_not_seconds_are_the_reason(small):
+    stream = PredictionStream(small, ANGLES, steps=STEPS)
+    feed(stream, 1000 * LOG.stamps[:STEPS])
+    assert stream.reason == "a scan every 1e+02 s, the steps of a window take 0.1 s: are these times in seconds?"
 
 
 def test_a_map_has_the_newest_hits_in_the_frame_of_the_poses(small):

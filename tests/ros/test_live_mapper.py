@@ -18,7 +18,7 @@ from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.networks.predictor import Predictor
 from repro.prediction.moving import MOVERS
-from repro.prediction.stream import StreamMap, predict_map
+from repro.prediction.stream_map import StreamMap, predict_map
 from repro.prediction.windows import cut
 from repro.ros.live_mapper import MAX_WAITING, LiveMapper
 

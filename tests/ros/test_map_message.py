@@ -6,7 +6,7 @@ from messages import Ros
 
 from repro.logs.transforms import Transforms
 from repro.maps.grid import Grid
-from repro.prediction.stream import StreamMap
+from repro.prediction.stream_map import StreamMap
 from repro.ros.map_message import grid_message, occupancy
 
 ORIGIN, RESOLUTION_M = (-3.0, 7.0), 0.5

@@ -21,7 +21,7 @@ from repro.logs.messages import seconds
 from repro.logs.options import WindowSettings
 from repro.logs.scan_log import ScanLog
 from repro.networks.predictor import load_predictor
-from repro.prediction.stream import predict_map
+from repro.prediction.stream_map import predict_map
 from repro.prediction.windows import cut
 from repro.ros.map_message import occupancy
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from repro.cli.jobs import Job
 from repro.cli.log_prediction import read
+from repro.cli.prediction_report import describe
 from repro.cli.settings import Prediction
 from repro.learning.adaptation import SCHEDULE, adapt, label
 from repro.learning.held_out import View
@@ -57,6 +58,7 @@ def _labeled(path: Path, predictor: Predictor, settings: Prediction, *, seed: in
     """Read a log and label its windows, for training and for validation."""
     print(f"reading {path}", flush=True)
     log, windows = read(path, predictor, settings)
+    describe(log, windows, predictor.reach_m)
     known = predictor.statistics
     view = View(math.radians(known.quantiles["fov_deg"][2])) if known else View()
     try:

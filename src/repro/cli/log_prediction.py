@@ -21,7 +21,6 @@ from repro.logs.formats import CARMEN, kind_of, read_log
 from repro.logs.options import ReadOptions, WindowSettings, window_of
 from repro.logs.scan_log import ScanLog
 from repro.logs.times import UnusableTimes
-from repro.maps.statistics import measure
 from repro.metrics.scores import THRESHOLD
 from repro.networks.predictor import Predictor, load_predictor
 from repro.networks.weights import locate, onnx_file
@@ -29,7 +28,7 @@ from repro.prediction.agreement import compare_with_scans
 from repro.prediction.drawing import draw_window
 from repro.prediction.log_page import page_of
 from repro.prediction.map_files import write_map, write_probabilities
-from repro.prediction.stream import REACH_M, predict_map
+from repro.prediction.stream_map import REACH_M, predict_map
 from repro.prediction.windows import Window, cut, spaced_by_distance
 from repro.system.errors import InputError
 from repro.system.files import clear_leftovers, lock, read_mapping, replacing_directory, write_json, write_text
@@ -53,7 +52,7 @@ def predict_log(job: Job, target: Path) -> None:
     _check_target(target, Path(settings.weights), paths)
     predictor = load(settings.weights)
     log, windows = read(path, predictor, settings, others)
-    describe(log, windows, predictor.reach_m)
+    wrong = describe(log, windows, predictor.reach_m)
     target.parent.mkdir(parents=True, exist_ok=True)
     when = partial(time_in, log, windows)
     found = cut(log, windows, _stride(settings, windows, predictor), predictor.grid.size_m)
@@ -64,12 +63,18 @@ def predict_log(job: Job, target: Path) -> None:
         predicted = [row for row in rows if "left_out" not in row]
         if not predicted:
             raise InputError(f"{path}: none of its {len(rows)} windows or parts can be used, see above")
-        write_json(new / SOURCE, {"log": [os.path.realpath(path) for path in paths], **asdict(settings)})
+        origin = {"log": [os.path.realpath(path) for path in paths], "inconsistencies": wrong}
+        write_json(new / SOURCE, origin | asdict(settings))
         write_text(new / "windows.csv", _table(rows))
         if CAN_DRAW:
             _write_page(new, predicted, path.name, when)
-    warn_of(predicted, predictor.statistics)
+    warn_of(predicted, predictor.statistics, is_consistent=not wrong)
     summarize(predicted)
+    if wrong:
+        print(
+            "warning: scans and poses do not fit together, as said above: the maps are probably wrong, which their log"
+        )
+        print("  loss cannot show")
     print(f"{target} has the maps, " + ("maps.html shows them" if CAN_DRAW else "pip install matplotlib for figures"))
 
 
@@ -185,10 +190,8 @@ def _predict(window: Window, predictor: Predictor, directory: Path, log: ScanLog
         "unknown_share": float(predicted.unknown.mean()),
         "moving_pixels": int(predicted.moving.sum()),
     }
-    statistics = {name: float(value[0]) for name, value in measure(window.scans.batched(), grid).items()}
-    outside = predictor.statistics.outside(statistics) if predictor.statistics else []
     losses = compare_with_scans(window, predicted.free, grid, range_max_m)
-    row |= {**statistics, "outside_training": " ".join(outside), **losses}
+    row |= {**predicted.statistics, "outside_training": " ".join(predicted.outside_training), **losses}
     print(line_of(row | {"window": window.number}, when), flush=True)
     return row
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from repro.logs.consistency import inconsistencies
 from repro.logs.options import WindowSettings
 from repro.logs.readings import note_on_range, note_on_repeats
 from repro.logs.scan_log import ScanLog
-from repro.logs.sharpness import sharper_convention
 from repro.maps.statistics import TITLES, Statistics
 from repro.prediction.agreement import COMPARISONS, LOSSES
 from repro.prediction.moving import MOVERS
@@ -19,11 +19,14 @@ Row = dict[str, Any]  # of windows.csv; one that was left out has its number, if
 JUMP_M_S = 30.0  # speed beyond which two poses are no motion of a robot
 
 
-def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> None:
+def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> list[str]:
     """Print what a log has, and what its user should know about it.
 
     Args:
         reach_m: range of the lidar in training [m], see `Predictor.reach_m`.
+
+    Returns:
+        what does not fit together, see `consistency`.
     """
     first, last = (math.degrees(log.angles[end]) for end in (0, -1))
     gaps = np.diff(log.stamps)
@@ -39,9 +42,12 @@ def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> None:
         print(f"warning: {note}", flush=True)
     for reason, count in log.skipped.items():
         print(f"skipped: {count} scans {reason}", flush=True)
-    notes = note_on_range(log.range_max_m, reach_m), note_on_repeats(log.ranges), sharper_convention(log, settings)
-    for note in filter(None, notes):
+    for note in filter(None, (note_on_range(log.range_max_m, reach_m), note_on_repeats(log.ranges))):
         print(note, flush=True)
+    wrong = inconsistencies(log, settings)
+    for message in wrong:
+        print(f"warning: {message}", flush=True)
+    return wrong
 
 
 def _describe_jumps(log: ScanLog, settings: WindowSettings) -> None:
@@ -53,8 +59,12 @@ def _describe_jumps(log: ScanLog, settings: WindowSettings) -> None:
         print(f"warning: the poses jump {len(jumps)} times, {where}: windows across a jump have wrong maps")
 
 
-def warn_of(rows: list[Row], statistics: Statistics | None) -> None:
-    """Print one warning for each statistic of the scans that is outside the training data in some window."""
+def warn_of(rows: list[Row], statistics: Statistics | None, *, is_consistent: bool) -> None:
+    """Print one warning for each statistic of the scans that is outside the training data in some window.
+
+    Args:
+        is_consistent: scans and poses fit together, so that other weights or more training may help.
+    """
     if statistics is None:
         print("warning: the weights have no statistics of their training data, so the log is not compared with it")
         return
@@ -70,9 +80,7 @@ def warn_of(rows: list[Row], statistics: Statistics | None) -> None:
         )
         if name == "fov_deg" and max(values) > high:
             print(f"  prediction.fov_deg={high:.0f} crops the log, task=adapt learns from what it sees beside that")
-        if name == "occupied_share" and max(values) > high and not any("fov_deg" in names for names in outside):
-            print("  wrong poses smear the hits: check columns, units, sign and times of the poses in a figure")
-    if any(outside):
+    if any(outside) and is_consistent:
         print("  the network has not learned from such scans: the comparison below tells how good its maps are here;")
         print("  other weights, or task=adapt with your logs, may be better (docs/robot.md#networks)")
 

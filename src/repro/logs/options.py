@@ -3,6 +3,7 @@
 A call, see `cli.settings`, uses the same types of fields.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Literal, get_type_hints
@@ -19,6 +20,8 @@ from repro.system.fields import config_errors_of
 MAX_AGE_STEPS = 5  # of the scan that stands in for a step; twice that between two scans divides a log
 TOLERANCE = 1e-4  # of a step; times since 1970 in float64 are exact to 2e-7 s
 MAX_RANGE_M = 10_000.0
+MAX_MOUNTING_M = 10.0  # of a lidar from the middle of its robot
+TURN = 2 * math.pi + 1e-3  # [rad], rounded
 
 
 def _number(value: Any) -> int | float:
@@ -30,8 +33,14 @@ def _number(value: Any) -> int | float:
     return float(array) if array.dtype.kind == "f" else int(array)
 
 
-def _coordinates(expected: str, count: int, **names: Any) -> BeforeValidator:
-    """Return a validator that takes some names for what they mean, and coordinates, also as text with commas."""
+def _coordinates(expected: str, *most: float, **names: Any) -> BeforeValidator:
+    """Return a validator that takes some names for what they mean, and coordinates, also as text with commas.
+
+    Args:
+        expected: what is expected, for messages.
+        most: the largest absolute value of each coordinate.
+        names: the meanings of names.
+    """
 
     def check(value: Any) -> Any:
         if isinstance(value, str) and value in names:
@@ -41,7 +50,7 @@ def _coordinates(expected: str, count: int, **names: Any) -> BeforeValidator:
             array = np.array([_number(word) for word in words])
         except (TypeError, ValueError):
             array = np.zeros(0)
-        if array.shape != (count,) or not (np.abs(array) <= MAX_PLACE_M).all():  # false for NaN
+        if array.shape != (len(most),) or not (np.abs(array) <= most).all():  # false for NaN
             raise InputError(f"must be {expected}")
         return tuple(array.tolist())
 
@@ -54,9 +63,12 @@ StepTime = Annotated[float, BeforeValidator(_number), Field(ge=0.001, le=1000, a
 LidarRange = Annotated[float, BeforeValidator(_number), Field(ge=0.01, le=MAX_RANGE_M, allow_inf_nan=False)]  # [m]
 Spacing = Literal["time", "distance"]
 Misses = Literal["free", "invalid"]
-Center = Annotated[Any, _coordinates("robot, start, or [x,y] in meters", 2, robot="robot", start="start")]
-Pose = Annotated[Any, _coordinates("fixed, or [x,y,heading] in meters and radians", 3, fixed=(0.0, 0.0, 0.0))]
-Mounting = Annotated[Any, _coordinates("[x,y,heading] in meters and radians", 3)]
+Center = Annotated[
+    Any, _coordinates("robot, start, or [x,y] in meters", MAX_PLACE_M, MAX_PLACE_M, robot="robot", start="start")
+]
+POSE = "[x,y,heading] in meters and radians, of a full turn at most"
+Pose = Annotated[Any, _coordinates(f"fixed, or {POSE}", MAX_PLACE_M, MAX_PLACE_M, TURN, fixed=(0.0, 0.0, 0.0))]
+Mounting = Annotated[Any, _coordinates(f"{POSE} and within {MAX_MOUNTING_M:g} m", MAX_MOUNTING_M, MAX_MOUNTING_M, TURN)]
 
 
 @cache

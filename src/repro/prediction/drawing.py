@@ -15,7 +15,7 @@ import numpy as np
 from repro.maps.grid import Grid
 from repro.maps.projection import Projection
 from repro.prediction.agreement import observed
-from repro.prediction.stream import StreamMap
+from repro.prediction.stream_map import StreamMap
 from repro.prediction.windows import Window
 from repro.scans import Scans
 from repro.system.errors import InputError

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from repro.prediction.stream import StreamMap
+from repro.prediction.stream_map import StreamMap
 
 OCCUPIED_ABOVE = 0.65  # map_server's default probability of an obstacle
 FREE_BELOW = 0.05  # probability of an obstacle; map_server's 0.25 would include pixels out of sight

@@ -12,7 +12,10 @@ from repro.maps.projection import newest_hits
 from repro.maps.visibility import newest_passed
 from repro.scans import Scans
 
-MOVERS = "something moves: the map may miss it in the view, and does not tell where it is after it has left the view"
+MOVERS = (
+    "something moves, or the poses are wrong: the map may miss it in the view, and does not tell where it is after it "
+    "has left the view"
+)
 PARTS = 20  # of a window, of different scans; something that walks at 1 m/s moves by two pixels in half a second
 LAG = 2  # parts, in which something that walks slowly leaves the pixels around a hit
 MIN_SHARE, MIN_PARTS = 0.4, 2  # of the parts, with moving pixels, so that something moves

@@ -15,8 +15,8 @@ from repro.logs.reasons import Reason
 from repro.logs.scan_filter import ScanFilter
 from repro.logs.transforms import Transforms
 from repro.networks.predictor import Predictor
-from repro.prediction.moving import MOVERS
-from repro.prediction.stream import PredictionStream, StreamMap
+from repro.prediction.stream import PredictionStream
+from repro.prediction.stream_map import StreamMap
 from repro.system.errors import InputError
 from repro.system.threads import OneAtATime
 
@@ -141,8 +141,6 @@ class LiveMapper:
             self.warn(str(error))
             return
         if predicted is not None:
-            if predicted.moving.any():
-                self.scans.warn_once("movers", MOVERS)
             self.publish(scan.header, str(self.root), predicted)
         elif self.stream.left_out is Reason.NOT_LATER:
             self.warn(f"a scan is skipped: {self.stream.reason}")
@@ -157,4 +155,5 @@ class LiveMapper:
             steps=self.settings.steps,
             step_s=self.settings.step_s,
             range_max_m=self.scan_filter.range_max_m,
+            warn=lambda text: self.scans.warn_once(text, text),
         )

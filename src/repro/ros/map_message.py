@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from repro.prediction.map_files import OCCUPIED_ABOVE
-from repro.prediction.stream import StreamMap
+from repro.prediction.stream_map import StreamMap
 from repro.system.errors import InputError
 
 UNKNOWN = -1

@@ -10,7 +10,7 @@ from pydantic import Field, StrictBool
 from repro.logs.options import ReadOptions, convert_fields, window_of
 from repro.logs.transforms import Transforms
 from repro.networks.predictor import load_predictor
-from repro.prediction.stream import StreamMap
+from repro.prediction.stream_map import StreamMap
 from repro.ros.live_mapper import KEEP_S, LiveMapper
 from repro.ros.map_message import grid_message, occupancy
 from repro.system.errors import InputError

@@ -1,0 +1,152 @@
+"""Whether scans and poses fit together. If they do not, maps are wrong, and agree with the next scan all the same.
+
+With right poses, 51 to 100 % of the hits of a scan are near those of the scans before, in windows of 30 logs of
+different robots and lidars. Another convention, such as a lidar that looks backward, puts at most 2 points more there.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from repro.logs.options import WindowSettings
+from repro.logs.scan_log import ScanLog, path_m
+from repro.logs.times import ends_of, parts_of, steps_before
+from repro.scans import Scans
+from repro.system.compiled import compiled
+
+WINDOWS, SCANS, HITS = 24, 8, 200  # of a log, of a window, and of the last scan of a window, that are compared
+NEAR_M = 0.2  # between hits on the same obstacle
+MIN_PATH_M, MIN_TURN = 0.5, 0.3  # of the robot in a window [m, rad], so that wrong headings or times show
+MIN_GAIN = 0.06  # of the share of hits that are near others, so that a convention is named
+MIN_SHARE, MIN_STILL = 0.4, 0.65  # of the hits; of a lidar that stands
+MAX_REPEATED = 0.2  # share of the robot's moves after which the readings are those of the scan before
+MOVE_M, MOVE_RAD = 0.02, 0.01  # from scan to scan, which changes readings
+FEW = 4  # steps from scan to scan
+LAGS_S = (-1.0, -0.5, -0.3, -0.2, -0.1, 0.1, 0.2, 0.3, 0.5, 1.0)
+TURNED = "a lidar that is turned by {} degrees more: add {:.4f} rad to the heading of its mounting"
+CONVENTIONS = {  # turn [degrees] and scale of the headings, sense of the beams, scale of the positions
+    **{TURNED.format(turn, math.radians(turn)): (turn, 1, 1, 1) for turn in range(-175, 181, 5) if turn},
+    "headings of the opposite sign": (0, -1, 1, 1),
+    "headings clockwise from the y axis": (90, -1, 1, 1),
+    "headings in degrees": (0, math.radians(1), 1, 1),
+    "beams in the reverse order": (0, 1, -1, 1),
+    "y of the opposite sign": (0, -1, -1, 1),  # a mirrored world, which looks alike, with other headings and beams
+    "x of the opposite sign": (180, -1, -1, 1),
+    "x and y exchanged": (90, -1, -1, 1),
+    "positions in cm": (0, 1, 1, 0.01),
+    "positions in mm": (0, 1, 1, 0.001),
+}
+
+
+def inconsistencies(log: ScanLog, settings: WindowSettings) -> list[str]:
+    """Return messages about scans, poses and times that do not fit together.
+
+    Mirrored worlds cannot be seen, nor can a wrong heading of a lidar that only turns on the spot.
+    """
+    found = _repeated(log), note_on_rare(log, settings), _blurred(log, settings)
+    return [message for message in found if message]
+
+
+def _repeated(log: ScanLog) -> str | None:
+    """Return a message about readings that come again while the robot moves."""
+    before, after = log.ranges[:-1], log.ranges[1:]
+    is_same = ((before == after) | (np.isnan(before) & np.isnan(after))).all(1) & np.isfinite(after).any(1)
+    moves = (np.abs(np.diff(log.poses, axis=0)) > (MOVE_M, MOVE_M, MOVE_RAD)).any(1)
+    share = (is_same & moves).sum() / max(moves.sum(), 1)
+    if share <= MAX_REPEATED:
+        return None
+    return f"{share:.0%} of the scans of the moving robot have exactly the readings of the scan before: leave these out"
+
+
+def note_on_rare(log: ScanLog, settings: WindowSettings) -> str | None:
+    """Return a message about scans that are rare for the steps of a window."""
+    gaps = np.diff(log.stamps)
+    between_s = float(np.median(gaps[gaps > 0])) if (gaps > 0).any() else 0.0
+    if settings.spacing == "distance" or between_s <= FEW * settings.step_s:
+        return None
+    return (
+        f"a scan every {between_s:.2g} s, the steps of a window take {settings.step_s:g} s: are these times in seconds?"
+    )
+
+
+def _blurred(log: ScanLog, settings: WindowSettings) -> str | None:
+    """Return a message about poses that blur the hits, and what makes these sharper where it is known."""
+    windows = [*_windows(log, settings)]
+    driving = [index for index in windows if path_m(log.poses[index]) >= MIN_PATH_M]
+    found = [_sharper(log, driving, {f"with {name}": _changed(log, *how) for name, how in CONVENTIONS.items()})]
+    if settings.spacing == "time" and (np.diff(log.stamps) > 0).all():
+        turning = [index for index in driving if np.ptp(log.poses[index, 2]) > MIN_TURN]
+        found.append(_sharper(log, turning, {_named(lag_s): _shifted(log, lag_s) for lag_s in LAGS_S}))
+    gain, message = max(found)
+    if gain > MIN_GAIN:
+        return message
+    still = [index for index in windows if (np.ptp(log.poses[index], axis=0) < (MOVE_M, MOVE_M, MOVE_RAD)).all()]
+    for own, least in ((windows, MIN_SHARE), (still, MIN_STILL)):
+        if (share := _sharpness(log, own)) < least:  # false without windows
+            return (
+                f"{share:.0%} of the hits are near those of the scans before, with right poses more: check columns, "
+                "units, sign and times of the poses, the angles of the beams, and whether the poses follow the robot"
+            )
+    return None
+
+
+def _sharper(log: ScanLog, windows: list[np.ndarray], changed: Mapping[str, ScanLog]) -> tuple[float, str]:
+    """Return how many more hits of windows are near others in the best of changed logs, and its message."""
+    usual, shares = _sharpness(log, windows), {name: _sharpness(other, windows) for name, other in changed.items()}
+    best = max(shares, key=lambda name: shares[name])
+    message = f"{usual:.0%} of the hits are near those of the scans before, {shares[best]:.0%} {best}"
+    return (shares[best] - usual if shares[best] > MIN_SHARE else 0.0), message
+
+
+def _sharpness(log: ScanLog, windows: list[np.ndarray]) -> float:
+    """Return the share of the hits of the last scan of windows within `NEAR_M` of hits of the scans before; a mean."""
+    shares = []
+    for index in windows:
+        points, hit = Scans(log.ranges[index], log.angles, log.poses[index]).points()
+        before, last = points[:-1][hit[:-1]], points[-1][hit[-1]]
+        if len(before) and len(last):
+            last = last[:: math.ceil(len(last) / HITS)]
+            shares.append(_share_near(before[np.argsort(before[:, 0])], last, NEAR_M))
+    return float(np.mean(shares)) if shares else math.nan
+
+
+def _windows(log: ScanLog, settings: WindowSettings) -> Iterator[np.ndarray]:
+    """Yield the indices of a few scans of a few windows, evenly over the log."""
+    stride_s = max(np.ptp(log.stamps) / WINDOWS, settings.step_s)  # also after the clock was set back
+    for begin, end in parts_of(log.stamps, settings):
+        for last in ends_of(log.stamps[begin:end], settings, stride_s):
+            steps = begin + steps_before(log.stamps[begin : begin + last + 1], settings)
+            yield np.unique(steps[np.linspace(0, len(steps) - 1, SCANS).astype(int)])
+
+
+def _named(lag_s: float) -> str:
+    when = f"{abs(lag_s):g} s {'later' if lag_s > 0 else 'earlier'}"
+    return f"with the poses of {when}: the clocks of scans and poses differ; shift the stamps of one of them"
+
+
+def _shifted(log: ScanLog, lag_s: float) -> ScanLog:
+    """Return a log whose scans have the poses of a later time [s], in between interpolated."""
+    later = log.stamps + lag_s
+    return replace(log, poses=np.stack([np.interp(later, log.stamps, column) for column in log.poses.T], axis=-1))
+
+
+def _changed(log: ScanLog, turn_deg: float, heading: float, sense: int, position: float) -> ScanLog:
+    poses = log.poses * (position, position, heading) + (0, 0, math.radians(turn_deg))
+    return replace(log, poses=poses, angles=sense * log.angles)
+
+
+@compiled
+def _share_near(points: np.ndarray, others: np.ndarray, near_m: float) -> float:
+    """Return the share of others, (M, 2), that are near a point, (N, 2), which are in the order of x."""
+    found = 0
+    for other in range(len(others)):
+        x, y = others[other]
+        for point in range(np.searchsorted(points[:, 0], x - near_m), len(points)):
+            if points[point, 0] > x + near_m:
+                break
+            if (points[point, 0] - x) ** 2 + (points[point, 1] - y) ** 2 <= near_m**2:
+                found += 1
+                break
+    return found / len(others)
