@@ -13,10 +13,10 @@ from repro.simulation.sampling import sample_world
 
 def draw_figures(outputs: Outputs) -> None:
     """Write the figures and print their paths."""
-    recorded, keys = outputs.recorded(), outputs.named_runs()[0]
+    recorded = outputs.recorded()
     worlds = {name: sample_world(open_recordings(path).spec, SPLITS["test"]) for name, path in recorded.items()}
-    evaluated = [key for key, run in keys.items() if key.model == "unet" and run.is_evaluated]
-    shown = {(key.encoding, key.experiment): key for key in lowest_seeds(evaluated)}
+    evaluated = [run.config().key for run in outputs.runs() if run.is_evaluated]
+    shown = {(key.encoding, key.experiment): key for key in lowest_seeds(evaluated) if key.model == "unet"}
     cells = itertools.product((PROJECTION, PROJECTION_NO_DECAY), worlds)
     examples = [load_example(outputs, shown[cell]) for cell in cells if cell in shown]
     for path in write_figures(outputs.figures, worlds, examples):

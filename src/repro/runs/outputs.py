@@ -78,16 +78,6 @@ class Outputs:
         for pattern in ("runs/exp*/*/*/seed*", "baselines/exp*/*"):
             yield from (Run(path) for path in sorted(self.path.glob(pattern)) if path.is_dir())
 
-    def named_runs(self) -> tuple[dict[RunKey, Run], list[Path]]:
-        """Return the run directories by their keys, and the paths of others beside them, such as copies."""
-        runs, others = {}, []
-        for run in self.runs():
-            try:
-                runs[RunKey.parse(run.path.relative_to(self.path))] = run
-            except InputError:
-                others.append(run.path)
-        return runs, others
-
 
 def check_together(config: RunConfig, others: Mapping[Run, RunConfig]) -> None:
     """Check that a run can share tables with others: same scale, grid and pairs, and per experiment the same worlds.
