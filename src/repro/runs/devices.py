@@ -14,10 +14,9 @@ from typing import Any
 import torch
 
 from repro.system.errors import InputError
+from repro.system.threads import count_threads
 
 log = logging.getLogger(__name__)
-_AT_IMPORT = torch.get_num_threads()
-_IN_ENVIRONMENT = "OMP_NUM_THREADS" in os.environ  # where torch has read it
 
 
 def resolve_device(accelerator: str = "auto") -> str:
@@ -58,35 +57,18 @@ def has_bfloat16(device: str) -> bool:
     return bool(capabilities.get("avx512_bf16") or capabilities.get("amx_bf16"))
 
 
-def chosen_threads() -> int:
-    """Return the threads of a prediction on the CPU: one, unless the user has chosen their number.
-
-    The threads of torch wait for one another: beside other work on the same cores, two were 40 times as slow as one.
-    OMP_NUM_THREADS or a call of `torch.set_num_threads` after the import of this package chooses another number.
-    """
-    is_chosen = _IN_ENVIRONMENT or torch.get_num_threads() != _AT_IMPORT
-    return torch.get_num_threads() if is_chosen else 1
-
-
 @contextmanager
-def few_threads() -> Iterator[None]:
-    """Compute on `chosen_threads`, and restore the threads of the caller."""
-    with threads(chosen_threads()):
-        yield
-
-
-@contextmanager
-def threads(number: int) -> Iterator[None]:
-    """Compute on a number of CPU threads, and restore that of the caller."""
+def few_threads(number: int | None = None) -> Iterator[None]:
+    """Compute on a number of CPU threads, those of `system.threads` if it is None, and restore that of the caller."""
     before = torch.get_num_threads()
-    torch.set_num_threads(number)
+    torch.set_num_threads(number or count_threads())
     try:
         yield
     finally:
         torch.set_num_threads(before)
 
 
-one_thread = partial(threads, 1)  # as the trainings of a sweep
+one_thread = partial(few_threads, 1)  # as the trainings of a sweep
 
 
 def clock(device: str) -> float:

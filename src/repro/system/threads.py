@@ -1,4 +1,4 @@
-"""Threads of compiled loops and of networks in ONNX Runtime: one, unless the user has chosen another number.
+"""Threads of compiled loops and of networks on the CPU: one, unless the user has chosen another number.
 
 Threads wait for one another: beside other work on the same cores, two were 40 times as slow as one. OMP_NUM_THREADS
 chooses another number, or a call of `use_threads`.

@@ -26,7 +26,7 @@ LARGEST_CHECKED_PX = 512  # side of the images with which a network is checked, 
 class TorchNetwork:
     """A network of torch as a function of arrays, see `networks.predictor.Network`.
 
-    On the CPU, one thread computes unless the user has chosen more, see `devices.chosen_threads`.
+    On the CPU, one thread computes unless the user has chosen more, see `system.threads`.
 
     Args:
         module: the network, in evaluation mode.
