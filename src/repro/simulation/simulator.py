@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from repro.maps.outlines import padded
 from repro.scans import Scans
 from repro.simulation import behaviors  # noqa: F401  before IR-SIM: registers our behaviors and silences its import
 from repro.simulation.raycasting import grazes, scan
@@ -187,7 +188,8 @@ def first_states(world: World) -> np.ndarray:
 
 def outlines_of_world(world: World) -> np.ndarray:
     """Create the outlines of the obstacles of a world with IR-SIM's geometry [m], (O, V, 2)."""
-    return _pad([_outline_of(obstacle["shape"]) for obstacle in world["obstacle"]])
+    own = [_outline_of(obstacle["shape"])[None] for obstacle in world["obstacle"]]
+    return np.concatenate([padded(outline, max(one.shape[1] for one in own)) for outline in own])
 
 
 def _outline_of(shape: Shape) -> np.ndarray:
@@ -196,11 +198,3 @@ def _outline_of(shape: Shape) -> np.ndarray:
         line = np.array(shape["vertices"], float)
         return np.concatenate([line, line[-2:0:-1]])
     return GeometryFactory.create_geometry(**shape).original_vertices.T
-
-
-def _pad(outlines: list[np.ndarray]) -> np.ndarray:
-    """Stack outlines; shorter ones repeat their last vertex, which adds edges of zero length."""
-    stacked = np.empty((len(outlines), max(len(outline) for outline in outlines), 2))
-    for row, outline in zip(stacked, outlines, strict=True):
-        row[: len(outline)], row[len(outline) :] = outline, outline[-1]
-    return stacked
