@@ -21,8 +21,8 @@ from repro.simulation.simulator import simulate
 
 def test_pairs_are_images_and_maps_of_the_split(recorded):
     pairs = load_pairs(open_recordings(recorded), "train", Grid(64, 50.0), Projection())
-    assert pairs.images.shape == pairs.maps.shape == (24, 1, 64, 64)
-    assert pairs.images.dtype == pairs.maps.dtype == torch.uint8
+    assert pairs.stored.shape == pairs.maps.shape == (24, 1, 64, 64)
+    assert pairs.stored.dtype == pairs.maps.dtype == torch.uint8
     assert set(pairs.maps.unique().tolist()) == {0, 1}
     image, target = pairs.batch(torch.tensor([3, 5]))
     assert image.dtype == target.dtype == torch.float32
@@ -61,7 +61,7 @@ def test_newest_hits_are_on_the_border_of_an_obstacle(recorded):
     """Hits of the last step, drawn black, touch an obstacle of the map at that step."""
     pairs = load_pairs(open_recordings(recorded), "test", Grid(128, 50.0), Projection())
     near = torch.nn.functional.max_pool2d(1 - pairs.maps.float(), 3, stride=1, padding=1)
-    newest = pairs.images == 0
+    newest = pairs.stored == 0
     assert newest.any()
     assert near[newest].mean() > 0.99
 
@@ -74,7 +74,7 @@ def test_a_series_is_stored_in_few_bits_and_given_as_drawn(recorded, name, width
     drawn = np.concatenate(
         [encoding.encode(shard.scans.batched(), grid) for shard in open_recordings(recorded).shards("val")]
     )
-    assert np.array_equal(pairs.images, drawn)
+    assert np.array_equal(next(pairs.image_batches(len(pairs))), drawn)
     image, target = pairs.batch(torch.tensor([3, 5]))
     assert np.array_equal(image, to_input(drawn[[3, 5]], inverted=True))
     assert image.is_contiguous()

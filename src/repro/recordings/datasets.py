@@ -41,11 +41,6 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.maps)
 
-    @property
-    def images(self) -> Tensor:
-        """All encoded scans, uint8, (M, C, H, W)."""
-        return self._drawn(self.stored)
-
     def image_batches(self, size: int) -> Iterator[np.ndarray]:
         """Yield all encoded scans in batches, uint8, (B, C, H, W), without drawing them at once."""
         return (self._drawn(stored).numpy(force=True) for stored in self.stored.split(size))
