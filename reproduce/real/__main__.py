@@ -24,7 +24,7 @@ import argparse
 import copy
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,7 @@ from joblib import delayed
 from tqdm import tqdm
 
 from repro.learning.kernels import accelerate
-from repro.learning.networks.trained import load_trained, module_of, with_module
+from repro.learning.networks.trained import TorchNetwork, load_trained, module_of
 from repro.metrics.counts import LEVELS, PROBABILITY
 from repro.networks.predictor import Predictor
 from repro.runs.devices import one_thread
@@ -159,7 +159,7 @@ def fast(predictor: Predictor) -> Predictor:
     """Return the same predictor with faster kernels."""
     network = copy.deepcopy(module_of(predictor))
     accelerate(network, "cpu")
-    return with_module(predictor, network)
+    return replace(predictor, network=TorchNetwork(network))
 
 
 def rows_of_kind(

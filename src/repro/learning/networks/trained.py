@@ -5,7 +5,7 @@ architecture) and one additional file, predictor.json, with the encoding of the 
 statistics and the window of the training scans, see `torch_files`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -76,11 +76,6 @@ def module_of(predictor: Predictor) -> nn.Module:
     if not isinstance(predictor.network, TorchNetwork):
         raise InputError("the network is in ONNX Runtime: expected a predictor of torch, see `load_trained`")
     return predictor.network.module
-
-
-def with_module(predictor: Predictor, module: nn.Module) -> Predictor:
-    """Return a predictor with another network."""
-    return replace(predictor, network=TorchNetwork(module))
 
 
 def save_trained(predictor: Predictor, directory: Path | str, dtype: torch.dtype = torch.float32) -> str:
