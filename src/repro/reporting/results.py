@@ -12,7 +12,7 @@ from typing import Any
 
 import pandas as pd
 
-from repro.metrics.headings import EXTRA_METRICS, METRICS
+from repro.metrics.headings import METRICS, TABLE_METRICS
 from repro.reporting.paper import are_papers
 from repro.runs.config import RunConfig
 from repro.runs.directories import Run
@@ -125,7 +125,7 @@ def read_published(directory: Path) -> pd.DataFrame:
 
 def _with_all_metrics(rows: pd.DataFrame) -> pd.DataFrame:
     """Add the columns of metrics that are younger than the evaluation of all runs, without values."""
-    return rows.reindex(columns=list(dict.fromkeys([*rows.columns, *EXTRA_METRICS])))
+    return rows.reindex(columns=list(dict.fromkeys([*rows.columns, *TABLE_METRICS])))
 
 
 def read_frames(directory: Path) -> dict[str, pd.DataFrame]:
