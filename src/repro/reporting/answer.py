@@ -29,7 +29,7 @@ def beside_paper(results: pd.DataFrame) -> pd.DataFrame:
     if results.empty:
         return pd.DataFrame()
     is_compared = results["model"].isin(NETWORKS) & results["encoding"].isin([PROJECTION, PROJECTION_NO_DECAY])
-    rows = results[is_compared & results.get("papers_worlds", pd.Series(True, results.index)).ne(False)]
+    rows = results[is_compared & results["papers_worlds"].ne(False)]
     ours = pd.concat([rows, averages_of(rows)]).groupby(CELL)[list(CLOSE)].mean()
     paper = read_paper().set_index(CELL)[list(CLOSE)]
     return pd.concat({"ours": ours, "paper": paper}, axis=1, join="inner")

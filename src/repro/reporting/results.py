@@ -44,7 +44,7 @@ def read_results(outputs: Outputs) -> pd.DataFrame:
     rows = pd.DataFrame([_row(outputs, run, config) for run, config in configs.items()])
     for run, config in configs.items():
         check_together(config, {other: configs[other] for other in itertools.takewhile(run.__ne__, configs)})
-    return _with_all_metrics(rows.astype({"seed": "Int64"}))  # baselines have no seed
+    return _with_all_columns(rows.astype({"seed": "Int64"}))  # baselines have no seed
 
 
 def _row(outputs: Outputs, run: Run, config: RunConfig) -> dict[str, Any]:
@@ -64,8 +64,7 @@ def _row(outputs: Outputs, run: Run, config: RunConfig) -> dict[str, Any]:
 
 def settings_of(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the settings of runs as JSON texts, a column each; nan where a run has none of that name."""
-    cells = rows["settings"] if "settings" in rows else [""] * len(rows)
-    read = [json.loads(cell) if isinstance(cell, str) and cell else {} for cell in cells]
+    read = [json.loads(cell) if isinstance(cell, str) and cell else {} for cell in rows["settings"]]
     return pd.DataFrame([{key: json.dumps(value) for key, value in settings.items()} for settings in read], rows.index)
 
 
@@ -120,12 +119,12 @@ def read_published(directory: Path) -> pd.DataFrame:
     if wrong or rows.empty or rows.duplicated(KEY).any():
         expected = f"one row per run, with {', '.join(wrong or MEASURED)} from -1 to 1"
         raise InputError(f"{path} cannot be read (expected {expected}): {FROM_GIT}")
-    return _with_all_metrics(rows)
+    return _with_all_columns(rows)
 
 
-def _with_all_metrics(rows: pd.DataFrame) -> pd.DataFrame:
-    """Add the columns of metrics that are younger than the evaluation of all runs, without values."""
-    return rows.reindex(columns=list(dict.fromkeys([*rows.columns, *TABLE_METRICS])))
+def _with_all_columns(rows: pd.DataFrame) -> pd.DataFrame:
+    """Add the columns that are younger than all runs, without values."""
+    return rows.reindex(columns=list(dict.fromkeys([*rows.columns, "papers_worlds", "settings", *TABLE_METRICS])))
 
 
 def read_frames(directory: Path) -> dict[str, pd.DataFrame]:
@@ -150,6 +149,4 @@ def recordings_of(origins: dict[str, Provenance], experiment: str) -> set[object
 
 def of_papers_worlds(rows: pd.DataFrame, results: pd.DataFrame) -> pd.DataFrame:
     """Return the rows without the experiments whose runs, see `read_results`, have other worlds than the paper's."""
-    if "papers_worlds" not in results:  # all were published before the column existed
-        return rows
     return rows[~rows["experiment"].isin(results.loc[results["papers_worlds"].eq(False), "experiment"])]

@@ -171,7 +171,7 @@ def caption(results: pd.DataFrame) -> str:
         f"{int(first['test_pairs'])} test pairs per experiment, {epochs} {'epoch' if epochs == '1' else 'epochs'}, "
         f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}{uneven}."
     )
-    is_other = networks.get("papers_worlds", pd.Series(True, networks.index)).eq(False)  # older results lack it
+    is_other = networks["papers_worlds"].eq(False)
     if is_other.any() and not is_other.all():
         text += f" Not the paper's worlds: exp {', '.join(sorted(networks.loc[is_other, 'experiment'].unique()))}."
     unlike = _unlike(networks)
