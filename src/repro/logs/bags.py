@@ -93,9 +93,9 @@ class _Bag:
         if others:
             self._say_choice(f"scans of {self.scan_topic}", others, "scan_topic")
         self._resets = self._find_resets()
-        self._runs = [Transforms(frame=options.frame, mounting=options.mounting, pose=options.pose)]
-        self._runs += [
-            Transforms(frame=options.frame, mounting=options.mounting, pose=options.pose) for _ in self._resets
+        self._runs = [
+            Transforms(frame=options.frame, mounting=options.mounting, pose=options.pose)
+            for _ in range(1 + len(self._resets))
         ]
         if self._resets:
             self.warn(f"the clock was set back {len(self._resets)} times: the poses of its runs are kept apart")

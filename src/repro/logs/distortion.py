@@ -7,6 +7,7 @@ import numpy as np
 
 from repro.logs.log_scan import LogScan
 from repro.logs.poses import PlanarPose
+from repro.logs.times import nearest_of
 from repro.scans import wrapped
 
 NEGLIGIBLE_M = 0.01  # way of the lidar within half a scan; a turn is negligible up to half the angle between two beams
@@ -49,7 +50,6 @@ def _nearest(ranges: np.ndarray, directions: np.ndarray, angles: np.ndarray) -> 
     everywhere, index = (directions + turns).ravel(), np.tile(np.arange(len(ranges)), 3)
     order = np.argsort(everywhere)
     known = everywhere[order]
-    after = np.searchsorted(known, angles).clip(1, len(known) - 1)
-    nearest = np.where(angles - known[after - 1] <= known[after] - angles, after - 1, after)
+    nearest = nearest_of(known, angles)
     is_near = np.abs(known[nearest] - angles) <= abs(angles[1] - angles[0])
     return np.where(is_near, ranges[index[order[nearest]]], np.nan)

@@ -70,7 +70,7 @@ def steps_before(stamps: np.ndarray, settings: WindowSettings) -> np.ndarray:
     end, first = float(stamps[-1]), float(stamps[0])
     if not settings.is_filled(first, end):
         raise InputError(f"scans of {end - first:.1f} s before {end:.2f} s, a window takes {settings.duration_s:.1f} s")
-    return _nearest(stamps, end - settings.step_s * np.arange(settings.steps - 1, -1, -1))
+    return nearest_of(stamps, end - settings.step_s * np.arange(settings.steps - 1, -1, -1))
 
 
 def ends_of(stamps: np.ndarray, settings: WindowSettings, stride_s: float) -> np.ndarray:
@@ -89,7 +89,7 @@ def ends_of(stamps: np.ndarray, settings: WindowSettings, stride_s: float) -> np
     count = int(max(stamps[-1] - first_s, 0) / stride_s + 1e-6) + 1
     if count > 100 * len(filled):  # a stride far below the time between two scans would fill the memory
         return filled
-    return np.unique(filled[_nearest(stamps[filled], first_s + stride_s * np.arange(count))])
+    return np.unique(filled[nearest_of(stamps[filled], first_s + stride_s * np.arange(count))])
 
 
 def parts_of(stamps: np.ndarray, settings: WindowSettings) -> list[tuple[int, int]]:
@@ -98,7 +98,8 @@ def parts_of(stamps: np.ndarray, settings: WindowSettings) -> list[tuple[int, in
     return list(zip([0, *begins], [*begins, len(stamps)], strict=True))
 
 
-def _nearest(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
+def nearest_of(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Return the index of the increasing value (S,) that is nearest to each of others, the earlier of two."""
     if len(stamps) == 1:
         return np.zeros(len(times), dtype=int)
     after = np.searchsorted(stamps, times).clip(1, len(stamps) - 1)
