@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from conftest import ROOT, fake_run, fake_study
 
+from repro.reporting import results
 from repro.reporting.documents import with_results
 from repro.reporting.publication import publish
 from repro.reporting.results import keys_of, read_origins, read_published, read_results, read_rows
@@ -194,3 +195,8 @@ def test_rows_keep_the_names_of_experiments_and_baselines(tmp_path):
     assert rows["experiment"].tolist() == ["01", "3"]
     assert rows["encoding"].tolist() == ["projection", ""]
     assert rows["seed"].tolist() == [0, pd.NA]
+
+
+def test_published_rows_have_columns_that_are_younger(monkeypatch):
+    monkeypatch.setattr(results, "TABLE_METRICS", (*results.TABLE_METRICS, "a_plugins"))
+    assert read_published(ROOT / "reproduce" / "results" / "laptop")["a_plugins"].isna().all()

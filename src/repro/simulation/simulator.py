@@ -189,7 +189,8 @@ def first_states(world: World) -> np.ndarray:
 def outlines_of_world(world: World) -> np.ndarray:
     """Create the outlines of the obstacles of a world with IR-SIM's geometry [m], (O, V, 2)."""
     own = [_outline_of(obstacle["shape"])[None] for obstacle in world["obstacle"]]
-    return np.concatenate([padded(outline, max(one.shape[1] for one in own)) for outline in own])
+    longest = max(outline.shape[1] for outline in own)
+    return np.concatenate([padded(outline, longest) for outline in own])
 
 
 def _outline_of(shape: Shape) -> np.ndarray:
