@@ -1,7 +1,7 @@
 """Whether scans and poses fit together. If they do not, maps are wrong, and agree with the next scan all the same.
 
-With right poses, 51 to 100 % of the hits of a scan are near those of the scans before, in windows of 30 logs of
-different robots and lidars. Another convention, such as a lidar that looks backward, puts at most 2 points more there.
+With right poses, half or more of the hits of a scan are near those of the scans before, and another convention, such as
+a lidar that looks backward, puts hardly more there. `reproduce.real.spoiled` counts which faults are found.
 """
 
 import math
