@@ -66,7 +66,7 @@ def starts(log: ScanLog, settings: WindowSettings) -> Iterator[ScanLog]:
 def faults(log: ScanLog) -> Iterator[tuple[str, ScanLog]]:
     """Yield logs that are spoiled in one way each."""
     poses, ranges, repeated = log.poses, log.ranges, np.arange(len(log)) // 5 * 5
-    turned = {f"lidar turned by {turn} degrees": poses + (0, 0, math.radians(turn)) for turn in TURNS_DEG}
+    turned = {f"lidar turned by {turn} degrees": poses + np.array([0, 0, math.radians(turn)]) for turn in TURNS_DEG}
     changed = {
         **turned,
         "headings of the opposite sign": poses * [1, 1, -1],
