@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
-from repro.logs.consistency import inconsistencies
+from repro.logs.consistency import inconsistencies, note_on_rare
 from repro.logs.formats import read_log
 from repro.logs.options import WindowSettings
 
@@ -73,4 +73,6 @@ def test_readings_that_come_again_while_the_robot_moves_are_named():
 
 
 def test_scans_that_are_rare_for_their_steps_are_named():
-    assert "a scan every 1 s, the steps of a window take 0.1 s" in messages(stamps=np.arange(float(len(LOG))))
+    note = note_on_rare(replace(LOG, stamps=np.arange(float(len(LOG)))), WINDOWS)
+    assert note == "a scan every 1 s, the steps of a window take 0.1 s: are these times in seconds?"
+    assert note_on_rare(LOG, WINDOWS) is None

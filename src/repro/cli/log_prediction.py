@@ -72,9 +72,9 @@ def predict_log(job: Job, target: Path) -> None:
     summarize(predicted)
     if wrong:
         print(
-            "warning: scans and poses do not fit together, as said above: the maps are probably wrong, which their log"
+            "warning: scans and poses do not fit together, see above: the maps are probably wrong, and their log losses"
         )
-        print("  loss cannot show")
+        print("  do not show it")
     print(f"{target} has the maps, " + ("maps.html shows them" if CAN_DRAW else "pip install matplotlib for figures"))
 
 

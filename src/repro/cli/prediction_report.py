@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from repro.logs.consistency import inconsistencies
+from repro.logs.consistency import inconsistencies, note_on_rare
 from repro.logs.options import WindowSettings
 from repro.logs.readings import note_on_range, note_on_repeats
 from repro.logs.scan_log import ScanLog
@@ -42,7 +42,8 @@ def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> list[str
         print(f"warning: {note}", flush=True)
     for reason, count in log.skipped.items():
         print(f"skipped: {count} scans {reason}", flush=True)
-    for note in filter(None, (note_on_range(log.range_max_m, reach_m), note_on_repeats(log.ranges))):
+    notes = note_on_range(log.range_max_m, reach_m), note_on_repeats(log.ranges), note_on_rare(log, settings)
+    for note in filter(None, notes):
         print(note, flush=True)
     wrong = inconsistencies(log, settings)
     for message in wrong:

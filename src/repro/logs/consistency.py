@@ -41,12 +41,11 @@ CONVENTIONS = {  # turn [degrees] and scale of the headings, sense of the beams,
 
 
 def inconsistencies(log: ScanLog, settings: WindowSettings) -> list[str]:
-    """Return messages about scans, poses and times that do not fit together.
+    """Return messages about scans and poses that do not fit together.
 
     Mirrored worlds cannot be seen, nor can a wrong heading of a lidar that only turns on the spot.
     """
-    found = _repeated(log), note_on_rare(log, settings), _blurred(log, settings)
-    return [message for message in found if message]
+    return [message for message in (_repeated(log), _blurred(log, settings)) if message]
 
 
 def _repeated(log: ScanLog) -> str | None:

@@ -196,8 +196,9 @@ class PredictionStream:
         since_s, window_s = predicted.stamp - self._checked_s, self.settings.duration_s  # NaN at first
         if not self.inconsistencies and not abs(since_s) < window_s:
             self._checked_s = predicted.stamp
-            self.inconsistencies = inconsistencies(log, self.settings) if since_s > 0 else []
-            self._warn_once(self.inconsistencies)
+            if since_s > 0:
+                self.inconsistencies = inconsistencies(log, self.settings)
+                self._warn_once(filter(None, [*self.inconsistencies, note_on_rare(log, self.settings)]))
         if predicted.moving.any():
             self._warn_once([MOVERS])
         self._warn_once(f"{TITLES[name]}: outside of the training" for name in predicted.outside_training)
