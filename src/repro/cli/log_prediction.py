@@ -71,10 +71,8 @@ def predict_log(job: Job, target: Path) -> None:
     warn_of(predicted, predictor.statistics, is_consistent=not wrong)
     summarize(predicted)
     if wrong:
-        print(
-            "warning: scans and poses do not fit together, see above: the maps are probably wrong, and their log losses"
-        )
-        print("  do not show it")
+        print("warning: scans and poses do not fit together, see above: the maps are probably wrong, which their log")
+        print("  losses do not show")
     print(f"{target} has the maps, " + ("maps.html shows them" if CAN_DRAW else "pip install matplotlib for figures"))
 
 
