@@ -68,7 +68,8 @@ def privileged(val: Recorded, test: Recorded) -> tuple[np.ndarray, dict[str, Any
     """
     assert test.recordings, "the privileged predictor needs the true obstacles"
     spec = test.recordings.spec
-    if not spec.is_like_papers:
+    drifts = isinstance(spec.obstacles, Sized) and all(behavior.name == "drift" for behavior in spec.behaviors)
+    if not drifts or spec.is_drive or spec.fixed or spec.lidar.noise or spec.sensing:
         raise InputError(
             "needs worlds with one population of discs and rectangles that are static or drift, and the motion rotate "
             "or square, without fixed obstacles or noise of the lidar"
@@ -146,11 +147,11 @@ def _ends(
     rng: np.random.Generator,
 ) -> np.ndarray:
     """Draw ends [m], (K, 2), of an obstacle that was last hit at a step, which agree with the later scans."""
-    assert isinstance(spec.obstacles, Sized), "see `WorldSpec.is_like_papers`"
+    assert isinstance(spec.obstacles, Sized), "see `privileged`"
     place, behavior = path[last - 1], spec.obstacles.behavior
     if behavior is None or not len(later[0]):
         return place[None]
-    assert isinstance(behavior, Drifting), "see `WorldSpec.is_like_papers`"
+    assert isinstance(behavior, Drifting), "see `privileged`"
     center_m, step_s, clear_m = spec.world.width / 2, spec.world.step_time, spec.clear_radius_m
     keep_out_m = clear_m + np.linalg.norm(corners, axis=-1).max()
     velocity, straight = _motion(path[: max(last, 2)], center_m, keep_out_m, step_s)

@@ -178,16 +178,6 @@ class WorldSpec(Experiment):
         return self.robot.sensors[0]
 
     @property
-    def is_like_papers(self) -> bool:
-        """Whether one population of discs and rectangles stands or drifts around a rotating robot or its square.
-
-        There are neither fixed obstacles nor errors of the sensors.
-        """
-        drifts = all(behavior.name == "drift" for behavior in self.behaviors)
-        differs = self.is_drive or self.fixed or self.lidar.noise or self.sensing
-        return isinstance(self.obstacles, Sized) and drifts and not differs
-
-    @property
     def steps(self) -> int:
         """Time steps of a recording, T."""
         return self.motion.steps
