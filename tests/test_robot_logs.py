@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from conftest import ROOT
 from reproduce.real import __main__ as script
-from reproduce.real import floors, maps, measures
+from reproduce.real import floors, maps, measures, spoiled
 from reproduce.real import logs as real_logs
 from reproduce.real.adapted import SOURCE, adapted
 from reproduce.real.evidence import COUNTS, Evidence, continued_walls
@@ -349,3 +349,16 @@ def test_a_network_is_adapted_to_logs_of_other_places_and_compared(logs, tmp_pat
     provenance = json.loads((tmp_path / "provenance.json").read_text())
     assert list(provenance["logs"]) == ["dense.log.gz", "sparse.log.gz"]
     assert provenance["commit"]
+
+
+def test_faults_of_logs_are_counted(logs, tmp_path, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["spoiled", str(logs[0]), "--target", str(tmp_path)])
+    spoiled.main()
+    rows = pd.read_csv(tmp_path / "spoiled.csv").set_index("fault")
+    assert (rows["logs"] == 2).all(), "with all beams and with 90 degrees"
+    assert rows.loc["none", "found"] == 0
+    assert (rows.loc[["lidar turned by 180 degrees", "x and y exchanged", "readings that stay"], "found"] == 2).all()
+    assert list(json.loads((tmp_path / "spoiled.json").read_text())["logs"]) == [logs[0].name]
+    monkeypatch.setattr("sys.argv", ["spoiled", "people.bag"])
+    with pytest.raises(InputError, match=r"expected logs of driving robots, got people\.bag"):
+        spoiled.main()
