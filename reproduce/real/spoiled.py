@@ -3,13 +3,14 @@
     python -m reproduce.real.spoiled LOG [LOG ...] [--target DIRECTORY]
 
 spoils logs of driving robots, see `reproduce.real`, in the ways in which the input of a user may be wrong. The checks
-get the first scans of a log, of somewhat more than two windows, as in a stream, with all beams and with a view of 90
-degrees. The target, by default outputs/real, gets spoiled.csv and its origin.
+get the first scans of a log, of somewhat more than two windows, with all beams and with a view of 90 degrees. Faults
+that are not found may be noted, since hits are rarely near others. The target, by default outputs/real, gets
+spoiled.csv and its origin.
 """
 
 import argparse
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repro.logs.consistency import inconsistencies
+from repro.logs.consistency import inconsistencies, note_on_blur
 from repro.logs.options import WindowSettings
 from repro.logs.scan_log import ScanLog
 from repro.networks.predictor import load_predictor
@@ -40,20 +41,21 @@ def main() -> None:
     arguments = parser.parse_args()
     if standing := [str(path) for path in arguments.logs if is_standing(path)]:
         raise InputError(f"expected logs of driving robots, got {', '.join(standing)}")
-    predictor, logs, found = load_predictor("indoor"), Counter[str](), Counter[str]()
+    predictor, rows = load_predictor("indoor"), defaultdict[str, Counter[str]](Counter)
     for path in arguments.logs:
         log, settings = log_of(path, predictor)
         for start in starts(log, settings):
             for name, spoiled in [("none", start), *faults(start)]:
-                logs[name] += 1
-                found[name] += bool(inconsistencies(spoiled, settings))
+                found = bool(inconsistencies(spoiled, settings))
+                noted = not found and note_on_blur(spoiled, settings) is not None
+                rows[name].update(logs=1, found=found, noted=noted)
         print(path.name, flush=True)
-    rows = pd.DataFrame({"logs": logs, "found": found}).rename_axis("fault").reset_index()
+    table = pd.DataFrame(rows).T.rename_axis("fault").reset_index()
     arguments.target.mkdir(parents=True, exist_ok=True)
-    write_text(arguments.target / "spoiled.csv", rows.to_csv(index=False))
+    write_text(arguments.target / "spoiled.csv", table.to_csv(index=False))
     sums = {path.name: sha256(path) for path in arguments.logs}
     write_json(arguments.target / "spoiled.json", environment() | {"logs": sums})
-    print(rows.to_string(index=False))
+    print(table.to_string(index=False))
 
 
 def starts(log: ScanLog, settings: WindowSettings) -> Iterator[ScanLog]:

@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
-from repro.logs.consistency import inconsistencies, note_on_rare
+from repro.logs.consistency import inconsistencies, note_on_blur, note_on_rare
 from repro.logs.formats import read_log
 from repro.logs.options import WindowSettings
+from repro.logs.scan_log import ScanLog
+from repro.simulation.sampling import sample_world
+from repro.simulation.simulator import simulate
+from repro.worlds.spec import read_world, world_spec
 
 WINDOWS = WindowSettings()
 LOG = read_log(ROOT / "examples" / "rooms.npz", WINDOWS)
@@ -48,9 +52,6 @@ def test_an_offset_of_the_clocks_is_named(lag_s, named):
         (LOG.poses * (1000, 1000, 1), "positions in mm"),
         (-LOG.angles, "beams in the reverse order"),
         (LOG.poses + np.array([0, 0, math.radians(20)]), "turned by -20 degrees more: add -0.3491 rad"),
-        (LOG.poses[:, [2, 0, 1]], "with right poses more: check columns"),
-        (LOG.poses * (1, 1, 0), "22% of the hits are near those of the scans before"),
-        (np.repeat(LOG.poses[:1], len(LOG), axis=0), "with right poses more: check columns"),
     ],
 )
 def test_the_convention_that_sharpens_the_hits_is_named(changed, named):
@@ -63,6 +64,29 @@ def test_a_mirrored_lidar_is_named_in_short_logs(scans):
     assert not inconsistencies(log, WINDOWS)
     (message,) = inconsistencies(replace(log, ranges=log.ranges[:, ::-1]), WINDOWS)
     assert "beams in the reverse order" in message
+
+
+@pytest.mark.parametrize(
+    "poses", [LOG.poses[:, [2, 0, 1]], LOG.poses * (1, 1, 0), LOG.poses * (1, 1, -0.5), LOG.poses[:1].repeat(300, 0)]
+)
+def test_hits_that_are_rarely_near_others_are_noted(poses):
+    assert note_on_blur(LOG, WINDOWS) is None
+    note = note_on_blur(replace(LOG, poses=poses), WINDOWS)
+    assert note is not None
+    assert "most of what the lidar sees moves, or columns, units" in note
+
+
+@pytest.mark.parametrize("exp", ["3", "4"])
+def test_worlds_where_all_moves_have_no_message(exp):
+    scans = simulate(sample_world(world_spec(read_world(ROOT / "conf" / "world" / "paper.yaml"), exp), 3)).scans
+    ranges, poses = (np.concatenate([array, array[::-1]] * 2) for array in (scans.ranges, scans.poses))
+    log = ScanLog(0.1 * np.arange(len(ranges)), ranges, scans.angles, poses)
+    assert not inconsistencies(log, WINDOWS)
+
+
+def test_one_window_is_too_little():
+    log = replace(LOG, stamps=LOG.stamps[:130], ranges=LOG.ranges[:130, ::-1], poses=LOG.poses[:130])
+    assert not inconsistencies(log, WINDOWS)
 
 
 def test_readings_that_come_again_while_the_robot_moves_are_named():

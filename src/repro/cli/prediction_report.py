@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from repro.logs.consistency import inconsistencies, note_on_rare
+from repro.logs.consistency import inconsistencies, note_on_blur, note_on_rare
 from repro.logs.options import WindowSettings
 from repro.logs.readings import note_on_range, note_on_repeats
 from repro.logs.scan_log import ScanLog
@@ -16,7 +16,7 @@ from repro.prediction.agreement import COMPARISONS, LOSSES
 from repro.prediction.moving import MOVERS
 
 Row = dict[str, Any]  # of windows.csv; one that was left out has its number, if it has one, its time and the reason
-JUMP_M_S = 30.0  # speed beyond which two poses are no motion of a robot
+JUMP_M, JUMP_M_S = 0.5, 10.0  # way and speed beyond which two poses are no motion of a robot
 
 
 def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> list[str]:
@@ -42,10 +42,10 @@ def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> list[str
         print(f"warning: {note}", flush=True)
     for reason, count in log.skipped.items():
         print(f"skipped: {count} scans {reason}", flush=True)
-    notes = note_on_range(log.range_max_m, reach_m), note_on_repeats(log.ranges), note_on_rare(log, settings)
-    for note in filter(None, notes):
-        print(note, flush=True)
     wrong = inconsistencies(log, settings)
+    notes = [note_on_range(log.range_max_m, reach_m), note_on_repeats(log.ranges), note_on_rare(log, settings)]
+    for note in filter(None, [*notes, None if wrong else note_on_blur(log, settings)]):
+        print(note, flush=True)
     for message in wrong:
         print(f"warning: {message}", flush=True)
     return wrong
@@ -53,7 +53,7 @@ def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> list[str
 
 def _describe_jumps(log: ScanLog, settings: WindowSettings) -> None:
     steps_m = np.linalg.norm(np.diff(log.poses[:, :2], axis=0), axis=1)
-    jumps = np.flatnonzero(steps_m > JUMP_M_S * np.abs(np.diff(log.stamps)))
+    jumps = np.flatnonzero(steps_m > np.maximum(JUMP_M, JUMP_M_S * np.abs(np.diff(log.stamps))))
     if len(jumps):
         when = time_in(log, settings, log.stamps[jumps[0] + 1])
         where = f"the first by {steps_m[jumps[0]]:.1f} m at {when}"

@@ -66,9 +66,11 @@ Misses = Literal["free", "invalid"]
 Center = Annotated[
     Any, _coordinates("robot, start, or [x,y] in meters", MAX_PLACE_M, MAX_PLACE_M, robot="robot", start="start")
 ]
-POSE = "[x,y,heading] in meters and radians, of a full turn at most"
-Pose = Annotated[Any, _coordinates(f"fixed, or {POSE}", MAX_PLACE_M, MAX_PLACE_M, TURN, fixed=(0.0, 0.0, 0.0))]
-Mounting = Annotated[Any, _coordinates(f"{POSE} and within {MAX_MOUNTING_M:g} m", MAX_MOUNTING_M, MAX_MOUNTING_M, TURN)]
+POSE = "[x,y,heading] in meters and radians, of a full turn at most, within"
+Pose = Annotated[
+    Any, _coordinates(f"fixed, or {POSE} {MAX_PLACE_M:g} m", MAX_PLACE_M, MAX_PLACE_M, TURN, fixed=(0.0, 0.0, 0.0))
+]
+Mounting = Annotated[Any, _coordinates(f"{POSE} {MAX_MOUNTING_M:g} m", MAX_MOUNTING_M, MAX_MOUNTING_M, TURN)]
 
 
 @cache

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from repro.logs.consistency import inconsistencies, note_on_rare
+from repro.logs.consistency import MIN_PATH_M, inconsistencies, note_on_rare
 from repro.logs.log_scan import LogScan
 from repro.logs.misses import MissCheck
 from repro.logs.options import window_of
 from repro.logs.poses import MAX_PLACE_M
 from repro.logs.readings import beams_of_turn, check_heading, check_stamp, is_in_meters, readings
 from repro.logs.reasons import Reason
-from repro.logs.scan_log import ScanLog
+from repro.logs.scan_log import ScanLog, path_m
 from repro.logs.times import Clock, parts_of, steps_before
 from repro.maps.statistics import TITLES
 from repro.maps.validity import check_angles
@@ -30,6 +30,7 @@ from repro.system.errors import InputError
 from repro.system.threads import OneAtATime
 
 LOGGER = logging.getLogger(__name__)
+CHECKS = 3  # of scans and poses, whose conventions do not change
 EXTRA = 6  # scans: the one before the window, one with a wrong time, and those of the tolerance of half a step
 
 
@@ -49,7 +50,7 @@ class PredictionStream:
     `Predictor.predict` for the same window, bit by bit. As many scans are kept as a window can have, so memory is
     constant. Several threads may update a stream: one waits for another, and the order is theirs.
 
-    Once per window, a stream checks whether scans and poses fit together, see `consistency`.
+    A stream checks after some windows whether scans and poses fit together, see `consistency`.
 
     Args:
         predictor: network, encoding and grid.
@@ -87,6 +88,8 @@ class PredictionStream:
             raise InputError(f"predictor: expected that of load_predictor, got {predictor!r}")
         if isinstance(center, str) and center != "robot":
             raise InputError(f"center: expected robot or x, y [m], got {center!r}")
+        if not callable(warn):
+            raise InputError(f"warn: expected a function of a text, got {warn!r}")
         known_m = None if range_max_m == math.inf else range_max_m
         self.settings = window_of(predictor, steps, step_s, center=center, range_max_m=known_m, misses=misses)
         self.range_max_m = self.settings.range_max_m or math.inf
@@ -104,10 +107,20 @@ class PredictionStream:
         self._clock, self._misses = Clock(self.settings), MissCheck()
         self.warn, self._warned = warn, set[str]()
         self.inconsistencies: list[str] = []
-        self._checked_s = math.nan  # time of the scan at which scans and poses were compared
+        self._checked_s, self._checks = (
+            math.nan,
+            0,
+        )  # time of the scan at which scans and poses were compared; how often
         self._lock = OneAtATime("update")
 
-    __copy__ = copy.deepcopy  # a stream with the same scans, which takes others from now on
+    def __copy__(self) -> "PredictionStream":
+        """Return a stream with the same scans, which takes others from now on, and warns in the same way."""
+        return self.__deepcopy__({})
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "PredictionStream":
+        other = object.__new__(type(self))
+        other.__dict__ = copy.deepcopy(self.__dict__, memo | {id(self.warn): self.warn})
+        return other
 
     def __repr__(self) -> str:
         return f"PredictionStream({self.predictor!r}, {self.beams} beams, {len(self._kept)} scans)"
@@ -192,12 +205,13 @@ class PredictionStream:
         return predicted
 
     def _warn_of(self, predicted: StreamMap, log: ScanLog) -> None:
-        """Warn of a map, and at the end of every window but the first of scans that do not fit their poses."""
-        since_s, window_s = predicted.stamp - self._checked_s, self.settings.duration_s  # NaN at first
-        if not self.inconsistencies and not abs(since_s) < window_s:
+        """Warn of a map, and at the end of a few windows in which the robot has driven, of scans that do not fit."""
+        since_s = predicted.stamp - self._checked_s  # NaN at first
+        if self._checks < CHECKS and not abs(since_s) < self.settings.duration_s:
             self._checked_s = predicted.stamp
-            if since_s > 0:
-                self.inconsistencies = inconsistencies(log, self.settings)
+            if since_s > 0 and path_m(log.poses) >= MIN_PATH_M:
+                self._checks += 1
+                self.inconsistencies += [] if self.inconsistencies else inconsistencies(log, self.settings)
                 self._warn_once(filter(None, [*self.inconsistencies, note_on_rare(log, self.settings)]))
         if predicted.moving.any():
             self._warn_once([MOVERS])
