@@ -171,7 +171,7 @@ def test_a_map_names_what_is_outside_of_the_training(small):
     *_, found = feed(PredictionStream(known, ANGLES, steps=STEPS, warn=said.append), LOG.stamps[:STEPS], ranges)
     assert "valid_share" in found.outside_training
     assert found.statistics["valid_share"] == pytest.approx(45 / 91)
-    assert "share of the readings that are valid: outside of the training" in said
+    assert "outside of the training: share of the readings that are valid" in said
 
 
 def test_times_that_are_not_seconds_are_the_reason(small):

@@ -215,7 +215,7 @@ class PredictionStream:
                 self._warn_once(filter(None, [*self.inconsistencies, note_on_rare(log, self.settings)]))
         if predicted.moving.any():
             self._warn_once([MOVERS])
-        self._warn_once(f"{TITLES[name]}: outside of the training" for name in predicted.outside_training)
+        self._warn_once(f"outside of the training: {TITLES[name]}" for name in predicted.outside_training)
 
     def _warn_once(self, texts: Iterable[str]) -> None:
         for text in texts:
