@@ -357,7 +357,7 @@ def test_faults_of_logs_are_counted(logs, tmp_path, monkeypatch):
     rows = pd.read_csv(tmp_path / "spoiled.csv").set_index("fault")
     assert (rows["logs"] == 2).all(), "with all beams and with 90 degrees"
     assert rows.loc["none", "found"] == 0
-    assert (rows.loc[["lidar turned by 180 degrees", "x and y exchanged", "readings that stay"], "found"] == 2).all()
+    assert (rows.loc[["lidar turned by 180 degrees", "x and y exchanged", "constant readings"], "found"] == 2).all()
     assert list(json.loads((tmp_path / "spoiled.json").read_text())["logs"]) == [logs[0].name]
     monkeypatch.setattr("sys.argv", ["spoiled", "people.bag"])
     with pytest.raises(InputError, match=r"expected logs of driving robots, got people\.bag"):

@@ -67,25 +67,25 @@ def starts(log: ScanLog, settings: WindowSettings) -> Iterator[ScanLog]:
 
 def faults(log: ScanLog) -> Iterator[tuple[str, ScanLog]]:
     """Yield logs that are spoiled in one way each."""
-    poses, ranges, repeated = log.poses, log.ranges, np.arange(len(log)) // 5 * 5
+    poses, ranges = log.poses, log.ranges
     turned = {f"lidar turned by {turn} degrees": poses + np.array([0, 0, math.radians(turn)]) for turn in TURNS_DEG}
     changed = {
         **turned,
         "headings of the opposite sign": poses * [1, 1, -1],
-        "headings that stay": poses * [1, 1, 0],
+        "constant headings": poses * [1, 1, 0],
         "sine of half the heading as heading": np.column_stack([poses[:, :2], np.sin(poses[:, 2] / 2)]),
         "x and y exchanged": poses[:, [1, 0, 2]],
         "heading, x, y as columns": poses[:, [2, 0, 1]],
         "positions in mm": poses * [1000, 1000, 1],
         "positions twice as far": poses * [2, 2, 1],
-        "poses that stay": np.repeat(poses[:1], len(log), axis=0),
+        "constant poses": np.repeat(poses[:1], len(log), axis=0),
     }
     yield from ((name, replace(log, poses=spoiled)) for name, spoiled in changed.items())
     yield "beams in the reverse order", replace(log, ranges=ranges[:, ::-1])
     yield "half the field of view", replace(log, angles=log.angles / 2)
-    yield "ranges that are 10 % too long", replace(log, ranges=ranges * np.float32(1.1))
-    yield "readings that stay", replace(log, ranges=np.repeat(ranges[:1], len(log), axis=0))
-    yield "each scan five times", replace(log, ranges=ranges[repeated])
+    yield "ranges 10 % too long", replace(log, ranges=ranges * np.float32(1.1))
+    yield "constant readings", replace(log, ranges=np.repeat(ranges[:1], len(log), axis=0))
+    yield "each scan five times", replace(log, ranges=ranges[np.arange(len(log)) // 5 * 5])
 
 
 if __name__ == "__main__":

@@ -101,3 +101,9 @@ class Scans:
 def wrapped(angles: Any) -> Any:
     """Return the same angles in [-pi, pi) [rad]."""
     return (angles + np.pi) % (2 * np.pi) - np.pi
+
+
+def repeats(rows: np.ndarray) -> np.ndarray:
+    """Return whether each row of (T, N) but the first equals the one before, where NaN equals NaN, bool, (T - 1,)."""
+    before, after = rows[:-1], rows[1:]
+    return ((before == after) | (np.isnan(before) & np.isnan(after))).all(1)

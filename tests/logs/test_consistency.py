@@ -24,6 +24,10 @@ def messages(**changed) -> str:
     return "\n".join(inconsistencies(replace(LOG, **changed), WINDOWS))
 
 
+def first(scans: int) -> ScanLog:
+    return replace(LOG, stamps=LOG.stamps[:scans], ranges=LOG.ranges[:scans], poses=LOG.poses[:scans])
+
+
 def test_right_poses_have_no_message():
     assert not inconsistencies(LOG, WINDOWS)
     still = {name: np.repeat(getattr(LOG, name)[:1], len(LOG), axis=0) for name in ("poses", "ranges")}
@@ -60,7 +64,7 @@ def test_the_convention_that_sharpens_the_hits_is_named(changed, named):
 
 @pytest.mark.parametrize("scans", [200, 300])
 def test_a_mirrored_lidar_is_named_in_short_logs(scans):
-    log = replace(LOG, stamps=LOG.stamps[:scans], ranges=LOG.ranges[:scans], poses=LOG.poses[:scans])
+    log = first(scans)
     assert not inconsistencies(log, WINDOWS)
     (message,) = inconsistencies(replace(log, ranges=log.ranges[:, ::-1]), WINDOWS)
     assert "beams in the reverse order" in message
@@ -85,8 +89,8 @@ def test_worlds_where_all_moves_have_no_message(exp):
 
 
 def test_one_window_is_too_little():
-    log = replace(LOG, stamps=LOG.stamps[:130], ranges=LOG.ranges[:130, ::-1], poses=LOG.poses[:130])
-    assert not inconsistencies(log, WINDOWS)
+    log = first(130)
+    assert not inconsistencies(replace(log, ranges=log.ranges[:, ::-1]), WINDOWS)
 
 
 def test_readings_that_come_again_while_the_robot_moves_are_named():
@@ -97,6 +101,6 @@ def test_readings_that_come_again_while_the_robot_moves_are_named():
 
 
 def test_scans_that_are_rare_for_their_steps_are_named():
-    note = note_on_rare(replace(LOG, stamps=np.arange(float(len(LOG)))), WINDOWS)
+    note = note_on_rare(np.arange(float(len(LOG))), WINDOWS)
     assert note == "a scan every 1 s, the steps of a window take 0.1 s: are these times in seconds?"
-    assert note_on_rare(LOG, WINDOWS) is None
+    assert note_on_rare(LOG.stamps, WINDOWS) is None

@@ -4,6 +4,7 @@ import copy
 import dataclasses
 import os
 import pickle
+import queue
 import signal
 import threading
 
@@ -159,6 +160,15 @@ def test_a_stream_warns_once_of_scans_that_do_not_fit_their_poses(small, beams, 
             stream.predict()
     assert [name in message for name, message in zip(named, stream.inconsistencies, strict=True)] == [True] * len(named)
     assert [message for message in said if "hits are near" in message] == stream.inconsistencies
+
+
+def test_a_copy_of_a_stream_warns_in_the_same_way(small):
+    said = queue.SimpleQueue()  # has a lock and no copy
+    stream = PredictionStream(small, ANGLES, steps=STEPS, warn=said.put)
+    for copied in (copy.copy(stream), copy.deepcopy(stream)):
+        assert copied.warn == stream.warn
+    with pytest.raises(InputError, match="warn: expected a function of a text, got None"):
+        PredictionStream(small, ANGLES, warn=None)
 
 
 def test_a_map_names_what_is_outside_of_the_training(small):

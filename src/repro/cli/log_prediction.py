@@ -69,10 +69,7 @@ def predict_log(job: Job, target: Path) -> None:
         if CAN_DRAW:
             _write_page(new, predicted, path.name, when)
     warn_of(predicted, predictor.statistics, is_consistent=not wrong)
-    summarize(predicted)
-    if wrong:
-        print("warning: scans and poses do not fit together, see above: the maps are probably wrong, which their log")
-        print("  losses do not show")
+    summarize(predicted, is_consistent=not wrong)
     print(f"{target} has the maps, " + ("maps.html shows them" if CAN_DRAW else "pip install matplotlib for figures"))
 
 

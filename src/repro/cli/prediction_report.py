@@ -11,6 +11,7 @@ from repro.logs.consistency import inconsistencies, note_on_blur, note_on_rare
 from repro.logs.options import WindowSettings
 from repro.logs.readings import note_on_range, note_on_repeats
 from repro.logs.scan_log import ScanLog
+from repro.logs.times import between_scans_s
 from repro.maps.statistics import TITLES, Statistics
 from repro.prediction.agreement import COMPARISONS, LOSSES
 from repro.prediction.moving import MOVERS
@@ -29,9 +30,7 @@ def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> list[str
         what does not fit together, see `consistency`.
     """
     first, last = (math.degrees(log.angles[end]) for end in (0, -1))
-    gaps = np.diff(log.stamps)
-    rate = 1 / np.median(gaps[gaps > 0])
-    often = f"{rate:.1f} per second" if settings.spacing == "time" else "spaced by distance"
+    often = f"{1 / between_scans_s(log.stamps):.1f} per second" if settings.spacing == "time" else "spaced by distance"
     print(f"{len(log)} scans of {len(log.angles)} beams from {first:.0f} to {last:.0f} degrees, {often}")
     if settings.spacing == "time":
         _describe_jumps(log, settings)
@@ -43,7 +42,7 @@ def describe(log: ScanLog, settings: WindowSettings, reach_m: float) -> list[str
     for reason, count in log.skipped.items():
         print(f"skipped: {count} scans {reason}", flush=True)
     wrong = inconsistencies(log, settings)
-    notes = [note_on_range(log.range_max_m, reach_m), note_on_repeats(log.ranges), note_on_rare(log, settings)]
+    notes = [note_on_range(log.range_max_m, reach_m), note_on_repeats(log.ranges), note_on_rare(log.stamps, settings)]
     for note in filter(None, [*notes, None if wrong else note_on_blur(log, settings)]):
         print(note, flush=True)
     for message in wrong:
@@ -123,8 +122,12 @@ def compared(losses: Mapping[str, Any]) -> str:
     return text
 
 
-def summarize(rows: list[Row]) -> None:
-    """Print the mean log loss of the maps on scans that their network did not receive, and in how many things move."""
+def summarize(rows: list[Row], *, is_consistent: bool) -> None:
+    """Print the mean log loss of the maps on scans that their network did not receive, and why to doubt the maps.
+
+    Args:
+        is_consistent: scans and poses fit together; else the log loss tells nothing.
+    """
     values: dict[str, list[float]] = defaultdict(list)
     for name, value in (item for row in rows for item in row.items()):
         if name.endswith("log_loss") and math.isfinite(value):
@@ -134,3 +137,6 @@ def summarize(rows: list[Row]) -> None:
     count = sum(row["moving_pixels"] > 0 for row in rows)
     if count:
         print(f"warning: {MOVERS} ({count} of {len(rows)} windows, orange in the figures: docs/robot.md#what-moves)")
+    if not is_consistent:
+        print("warning: scans and poses do not fit together, see above: the maps are probably wrong, which their log")
+        print("  losses do not show")

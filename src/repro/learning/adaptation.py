@@ -167,6 +167,7 @@ def adapt(
     logs: list[tuple[Labeled, Labeled]],
     simulated: Iterable[Labeled | None] = repeat(None),
     *,
+    seed: int = 0,
     device: str = "cpu",
     precision: str = "32-true",
 ) -> tuple[Predictor, float, float]:
@@ -176,6 +177,7 @@ def adapt(
         predictor: the network; it is not changed.
         logs: the windows of each log for training and validation, see `label`.
         simulated: windows in which the network rehearses in each round, see `rehearsal.rehearsed`; none by default.
+        seed: seed of the order.
         device: cpu or cuda.
         precision: 32-true or bf16-mixed.
 
@@ -197,7 +199,7 @@ def adapt(
     for number, (epochs, own) in enumerate(zip(EPOCHS, simulated, strict=False)):
         train = _joined([*first, own] if own else first, device)
         settings = replace(SCHEDULE, max_epochs=times * epochs)
-        module = AdaptationModule(network, train, val, settings, number, PartialLoss())
+        module = AdaptationModule(network, train, val, settings, seed + number, PartialLoss())
         losses.append(_validation_loss(module))
         _train(module, val, device, precision)
     before, after = losses[0], _validation_loss(module)

@@ -12,14 +12,15 @@ import numpy as np
 
 from repro.logs.options import WindowSettings
 from repro.logs.scan_log import ScanLog, path_m
-from repro.logs.times import ends_of, parts_of, steps_before
-from repro.scans import Scans
+from repro.logs.times import between_scans_s, ends_of, parts_of, steps_before
+from repro.scans import Scans, repeats
 from repro.system.compiled import compiled
 
 WINDOWS, SCANS = 24, 8  # of a log, and of a window, that are compared
 SPACING = math.radians(1)  # between the beams that are compared
 MIN_HITS, HITS = 10, 200  # of the last scan of a window
 NEAR_M = 0.2  # between hits on the same obstacle
+APART = 0.9  # windows, from the end of the first to that of the last one, so that they are independent
 MIN_PATH_M, MIN_TURN = 0.5, 0.3  # of the robot in a window [m, rad], so that wrong headings or times show
 MIN_GAIN, MIN_SHARE = 0.06, 0.55  # of the hits that are near others, so that a convention is named
 MIN_WINDOWS, MIN_BETTER = 4, 0.8  # with hits; of all differences between windows, the part that is a gain
@@ -55,8 +56,7 @@ def inconsistencies(log: ScanLog, settings: WindowSettings) -> list[str]:
 
 def _repeated(log: ScanLog) -> str | None:
     """Return a message about readings that come again while the robot moves."""
-    before, after = log.ranges[:-1], log.ranges[1:]
-    is_same = ((before == after) | (np.isnan(before) & np.isnan(after))).all(1) & (np.isfinite(after).mean(1) > SEEN)
+    is_same = repeats(log.ranges) & (np.isfinite(log.ranges[1:]).mean(1) > SEEN)
     moves = (np.abs(np.diff(log.poses, axis=0)) > (MOVE_M, MOVE_M, MOVE_RAD)).any(1)
     share = (is_same & moves).sum() / max(moves.sum(), 1)
     if share <= MAX_REPEATED:
@@ -64,10 +64,9 @@ def _repeated(log: ScanLog) -> str | None:
     return f"{share:.0%} of the scans of the moving robot have exactly the readings of the scan before: leave these out"
 
 
-def note_on_rare(log: ScanLog, settings: WindowSettings) -> str | None:
-    """Return a message about scans that are rare for the steps of a window."""
-    gaps = np.diff(log.stamps)
-    between_s = float(np.median(gaps[gaps > 0])) if (gaps > 0).any() else 0.0
+def note_on_rare(stamps: np.ndarray, settings: WindowSettings) -> str | None:
+    """Return a message about scans that are rare for the steps of a window, given their times [s], (S,)."""
+    between_s = between_scans_s(stamps)
     if settings.spacing == "distance" or between_s <= FEW * settings.step_s:
         return None
     return (
@@ -92,7 +91,7 @@ def _misplaced(log: ScanLog, settings: WindowSettings) -> str | None:
     log = _thinned(log)
     driving = [index for index in _windows(log, settings) if path_m(log.poses[index]) >= MIN_PATH_M]
     ends = log.stamps[[index[-1] for index in driving]]
-    if not len(driving) or ends[-1] - ends[0] < 0.9 * settings.duration_s:
+    if not len(driving) or ends[-1] - ends[0] < APART * settings.duration_s:
         return None
     conventions = dict(CONVENTIONS)
     if np.median([path_m(log.poses[index]) for index in driving]) > LARGE_M:

@@ -12,7 +12,7 @@ from repro.logs.options import WindowSettings
 from repro.logs.readings import check_heading
 from repro.logs.reasons import Reason
 from repro.logs.scan_filter import ScanFilter
-from repro.logs.times import Clock, UnusableTimes, parts_of
+from repro.logs.times import Clock, UnusableTimes, between_scans_s, parts_of
 from repro.maps.validity import RADIANS, jumps
 from repro.scans import wrapped
 from repro.system.errors import InputError
@@ -61,8 +61,8 @@ class ScanLog:
         """
         left_out = ", ".join(f"{count} {reason}" for reason, count in self.skipped.items())
         skipped = f" (skipped: {left_out})" if left_out else ""
-        gaps, longest_s, is_spaced = np.diff(self.stamps), settings.longest_gap_s, settings.spacing == "distance"
-        between_s = float(np.median(gaps[gaps > 0])) if (gaps > 0).any() else 0.0
+        between_s, longest_s = between_scans_s(self.stamps), settings.longest_gap_s
+        is_spaced = settings.spacing == "distance"
         if between_s > MAX_BETWEEN_S:
             raise UnusableTimes(
                 f"a scan every {between_s:.3g} s: expected times in seconds, not in ms, us or ns{skipped}"

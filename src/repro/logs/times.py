@@ -98,6 +98,12 @@ def parts_of(stamps: np.ndarray, settings: WindowSettings) -> list[tuple[int, in
     return list(zip([0, *begins], [*begins, len(stamps)], strict=True))
 
 
+def between_scans_s(stamps: np.ndarray) -> float:
+    """Return the median time from scan to scan [s], given their times [s], (S,); 0 if all are at one time."""
+    gaps = np.diff(stamps)
+    return float(np.median(gaps[gaps > 0])) if (gaps > 0).any() else 0.0
+
+
 def nearest_of(stamps: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Return the index of the increasing value (S,) that is nearest to each of others, the earlier of two."""
     if len(stamps) == 1:

@@ -10,7 +10,7 @@ import numpy as np
 from repro.maps.grid import Grid
 from repro.maps.projection import newest_hits
 from repro.maps.visibility import newest_passed
-from repro.scans import Scans
+from repro.scans import Scans, repeats
 
 MOVERS = (
     "something moves, or the poses are wrong: the map may miss it in the view, and does not tell where it is after it "
@@ -33,8 +33,7 @@ def parts_of_window(scans: Scans, grid: Grid, range_max_m: float) -> tuple[np.nd
         scans: one window, (T, N), on the map.
         range_max_m: maximum range of the lidar [m], up to which a miss passes over pixels.
     """
-    both = np.concatenate([scans.ranges, scans.poses], axis=1)
-    is_repeated = ((both[1:] == both[:-1]) | (np.isnan(both[1:]) & np.isnan(both[:-1]))).all(axis=1)
+    is_repeated = repeats(np.concatenate([scans.ranges, scans.poses], axis=1))
     different = np.flatnonzero(np.concatenate([[True], ~is_repeated]))
     parts = np.array_split(different, min(PARTS, len(different)))
     index = np.stack([np.pad(part, (0, len(parts[0]) - len(part)), mode="edge") for part in parts])

@@ -107,10 +107,7 @@ class PredictionStream:
         self._clock, self._misses = Clock(self.settings), MissCheck()
         self.warn, self._warned = warn, set[str]()
         self.inconsistencies: list[str] = []
-        self._checked_s, self._checks = (
-            math.nan,
-            0,
-        )  # time of the scan at which scans and poses were compared; how often
+        self._checks, self._checked_s = 0, math.nan  # how often scans and poses were compared, and when last
         self._lock = OneAtATime("update")
 
     def __copy__(self) -> "PredictionStream":
@@ -189,30 +186,35 @@ class PredictionStream:
         """Predict the map of the window that ends with the newest scan that was kept."""
         if not self._kept:
             return None
-        stamps, ranges, poses = map(np.array, zip(*self._kept, strict=True))
-        log = ScanLog(stamps, ranges, self.angles, poses)
-        begin, _ = parts_of(stamps, self.settings)[-1]
+        stamps, ranges, poses = zip(*self._kept, strict=True)
+        begin, _ = parts_of(np.array(stamps), self.settings)[-1]
         try:
-            index = begin + steps_before(stamps[begin:], self.settings)
+            index = begin + steps_before(np.array(stamps[begin:]), self.settings)
         except InputError as error:
-            self.reason = note_on_rare(log, self.settings) or str(error)
+            self.reason = note_on_rare(np.array(stamps), self.settings) or str(error)
             return None
         origin = self.settings.origin(poses[-1], poses[-1], self.predictor.grid.size_m)
-        window = on_map(ranges[index], self.angles, poses[index], origin)
-        place, stamp = (float(origin[0]), float(origin[1])), float(stamps[-1])
-        predicted = predict_map(self.predictor, window, place, stamp, self.range_max_m)
-        self._warn_of(predicted, log)
+        window = on_map(np.stack([ranges[i] for i in index]), self.angles, np.stack([poses[i] for i in index]), origin)
+        place = float(origin[0]), float(origin[1])
+        predicted = predict_map(self.predictor, window, place, stamps[-1], self.range_max_m)
+        self._warn_of(predicted)
         return predicted
 
-    def _warn_of(self, predicted: StreamMap, log: ScanLog) -> None:
-        """Warn of a map, and at the end of a few windows in which the robot has driven, of scans that do not fit."""
-        since_s = predicted.stamp - self._checked_s  # NaN at first
-        if self._checks < CHECKS and not abs(since_s) < self.settings.duration_s:
-            self._checked_s = predicted.stamp
-            if since_s > 0 and path_m(log.poses) >= MIN_PATH_M:
-                self._checks += 1
-                self.inconsistencies += [] if self.inconsistencies else inconsistencies(log, self.settings)
-                self._warn_once(filter(None, [*self.inconsistencies, note_on_rare(log, self.settings)]))
+    def _compare(self, stamp: float) -> None:
+        """Compare the kept scans with their poses at the end of a few windows in which the robot has driven."""
+        since_s = stamp - self._checked_s  # NaN at first
+        if self._checks == CHECKS or self.inconsistencies or abs(since_s) < self.settings.duration_s:
+            return
+        self._checked_s = stamp
+        stamps, ranges, poses = map(np.array, zip(*self._kept, strict=True))
+        if since_s > 0 and path_m(poses) >= MIN_PATH_M:
+            self._checks += 1
+            self.inconsistencies = inconsistencies(ScanLog(stamps, ranges, self.angles, poses), self.settings)
+            self._warn_once(filter(None, [*self.inconsistencies, note_on_rare(stamps, self.settings)]))
+
+    def _warn_of(self, predicted: StreamMap) -> None:
+        """Warn of what makes a map doubtful."""
+        self._compare(predicted.stamp)
         if predicted.moving.any():
             self._warn_once([MOVERS])
         self._warn_once(f"outside of the training: {TITLES[name]}" for name in predicted.outside_training)

@@ -111,7 +111,7 @@ def mappers(frames: DataFrames, caption: str) -> Cells:
         success = [with_interval(*of.loc[name, ["success", "low", "high"]]) for name in experiments]
         lead, low, high = map(float, of.loc["all", ["lead", "lead_low", "lead_high"]])
         rows.append([title, *success, number(of.loc["all", "time_s"], 1), with_interval(lead, low, high, "+.3f")])
-    return Cells(["Map", *map(str.capitalize, experiments), "Time [s]", "All, lead of the ConvGRU"], rows, caption)
+    return Cells(["Map", *map(str.capitalize, experiments), "Time [s]", "All, lead of the best network"], rows, caption)
 
 
 def costs(frame: pd.DataFrame, caption: str) -> Cells:
